@@ -1,0 +1,1 @@
+"""Rotations, ground-plane poses and ground-plane lines."""

@@ -1,0 +1,1 @@
+"""The robot as data: mass, inertia, nominal stance, range of motion, friction."""

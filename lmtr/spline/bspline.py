@@ -1,0 +1,34 @@
+"""Uniform cubic B-splines: C² by construction, and exactly a Hermite spline at the knots.
+
+With control points c₋, c, c₊ around a knot and knot spacing h, the spline has there the value
+(c₋ + 4c + c₊)/6, the velocity (c₊ − c₋)/(2h) and the acceleration (c₋ − 2c + c₊)/h². So no
+constraint is needed to make a base trajectory's acceleration continuous.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def knot_value(before: Any, at: Any, after: Any) -> Any:  # noqa: ANN401 - arrays or CasADi
+    """Value at a knot from its three control points."""
+    return (before + 4.0 * at + after) / 6.0
+
+
+def knot_velocity(before: Any, after: Any, step: float) -> Any:  # noqa: ANN401
+    """Time derivative at a knot (per second) for knots ``step`` seconds apart."""
+    return (after - before) / (2.0 * step)
+
+
+def knot_acceleration(before: Any, at: Any, after: Any, step: float) -> Any:  # noqa: ANN401
+    """Second time derivative at a knot (per second squared)."""
+    return (before - 2.0 * at + after) / (step * step)
+
+
+def hermite_nodes(control: Array, step: float) -> Array:
+    """Hermite nodes (N, 2, D) — value, time derivative — of N + 2 control points (N + 2, D)."""
+    before, at, after = control[:-2], control[1:-1], control[2:]
+    return np.stack([knot_value(before, at, after), knot_velocity(before, after, step)], axis=1)

@@ -1,0 +1,144 @@
+"""The distribution of expert tasks 𝒳 and the smooth noise ξ̄ on initial guesses (Sec. 3.1, 4.2).
+
+Everything random of one solution comes from ``stream(seed, index)``, so a data set is the same
+whatever the number of workers or the order in which they finish.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from lmtr.robot.model import N_FEET, RobotModel
+from lmtr.task.task import Task
+
+Array = NDArray[np.float64]
+NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Range = tuple[
+    Annotated[float, Field(allow_inf_nan=False)], Annotated[float, Field(allow_inf_nan=False)]
+]
+
+
+class TaskDistribution(BaseModel):
+    """Ranges that tasks are drawn from, uniformly.
+
+    Attributes:
+        goal_distance: Goal ahead of the start, along its yaw (m).
+        goal_lateral: Largest sideways offset of the goal (m).
+        goal_yaw: Largest turn of the goal (rad).
+        obstacle_count: Fewest and most obstacle lines; the paper has two.
+        first_obstacle: Distance of the first line ahead of the start (m).
+        obstacle_spacing: Distance from one line to the next (m).
+        obstacle_turn: Largest turn of a line away from square to the path (rad).
+        foot_scatter: Largest offset of start feet from neutral, forward and lateral (m).
+        noise_position: Amplitude a of the noise on x and y (m).
+        noise_yaw: Amplitude a of the noise on yaw (rad).
+        noise_timing: Standard deviation of the noise on contact times (s).
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    goal_distance: Range = (2.3, 3.1)
+    goal_lateral: NonNegative = 0.4
+    goal_yaw: NonNegative = 0.4
+    obstacle_count: tuple[Annotated[int, Field(ge=0, le=4)], Annotated[int, Field(ge=0, le=4)]] = (
+        2,
+        2,
+    )
+    first_obstacle: Range = (0.7, 1.1)
+    obstacle_spacing: Range = (0.5, 1.1)
+    obstacle_turn: NonNegative = 0.5
+    foot_scatter: tuple[NonNegative, NonNegative] = (0.06, 0.036)
+    noise_position: NonNegative = 0.15
+    noise_yaw: NonNegative = 0.2
+    noise_timing: NonNegative = 0.05
+
+    @model_validator(mode="after")
+    def _ranges_ascend(self) -> "TaskDistribution":
+        for name in ("goal_distance", "obstacle_count", "first_obstacle", "obstacle_spacing"):
+            low, high = getattr(self, name)
+            if low > high:
+                raise ValueError(f"{name} must ascend, got ({low}, {high}); swap its two values")
+        return self
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Smooth noise ξ̄ for one initial guess.
+
+    Attributes:
+        amplitudes: Factors a·N(0, 1)/f of sin(π·f·t/T̄) for f = 1, 2, 3 on the base's x, y (m)
+            and yaw (rad), (3 harmonics, 3).
+        timing: Offsets of the contact changes, slot by slot, in units of s, (4, 2·N̄_p).
+    """
+
+    amplitudes: Array
+    timing: Array
+
+    def on_base(self, phase: Array) -> Array:
+        """Offsets of x, y (m) and yaw (rad) at times t = phase·T̄, (..., 3); zero at both ends."""
+        harmonics = np.arange(1, len(self.amplitudes) + 1)
+        return np.asarray(np.sin(np.pi * phase[..., None] * harmonics) @ self.amplitudes)
+
+
+def stream(seed: int, index: int) -> np.random.Generator:
+    """The random stream of solution ``index`` in a data set of seed ``seed``."""
+    return np.random.default_rng(np.random.SeedSequence(entropy=seed, spawn_key=(index,)))
+
+
+def sample_task(
+    distribution: TaskDistribution, robot: RobotModel, rng: np.random.Generator
+) -> Task:
+    """Draw a task whose start pose is the world's origin."""
+    goal = np.array(
+        [
+            rng.uniform(*distribution.goal_distance),
+            rng.uniform(-1.0, 1.0) * distribution.goal_lateral,
+            rng.uniform(-1.0, 1.0) * distribution.goal_yaw,
+        ]
+    )
+    scatter = rng.uniform(-1.0, 1.0, (N_FEET, 2)) * np.array(distribution.foot_scatter)
+    count = int(rng.integers(distribution.obstacle_count[0], distribution.obstacle_count[1] + 1))
+    gaps = [
+        rng.uniform(*(distribution.obstacle_spacing if k else distribution.first_obstacle))
+        for k in range(count)
+    ]
+    turns = rng.uniform(-1.0, 1.0, count) * distribution.obstacle_turn
+    along = np.cumsum(gaps)
+    # Lines are met on the straight path to the goal, square to it but for the turn.
+    heading = np.arctan2(goal[1], goal[0])
+    obstacles = np.stack(
+        [along * np.cos(heading), along * np.sin(heading), np.pi / 2.0 + heading + turns], axis=-1
+    ).reshape(count, 3)
+    return Task(
+        start_pose_W=np.zeros(3),
+        start_feet_W=robot.nominal_feet_B[:, :2] + scatter,
+        goal_pose_W=goal,
+        obstacles_W=obstacles,
+    )
+
+
+def sample_noise(distribution: TaskDistribution, n_swings: int, rng: np.random.Generator) -> Noise:
+    """Draw the smooth noise ξ̄ of one initial guess; ``n_swings`` is N̄_p."""
+    scale = np.array(
+        [distribution.noise_position, distribution.noise_position, distribution.noise_yaw]
+    )
+    harmonics = np.arange(1, 4)[:, None]
+    return Noise(
+        amplitudes=scale * rng.standard_normal((3, 3)) / harmonics,
+        timing=distribution.noise_timing * rng.standard_normal((N_FEET, 2 * n_swings)),
+    )
+
+
+def gait_order(task: Task, robot: RobotModel) -> tuple[int, int, int, int]:
+    """Feet in the order of their first swings: LH, LF, RH, RF, begun with the one furthest back.
+
+    "Back" is measured along the start pose's x axis from the neutral position (Sec. 4.2).
+    """
+    walk = (2, 0, 3, 1)
+    behind = task.start_feet_B()[:, 0] - robot.nominal_feet_B[:, 0]
+    first = walk.index(int(np.argmin(behind)))
+    order = walk[first:] + walk[:first]
+    return order[0], order[1], order[2], order[3]

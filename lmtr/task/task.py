@@ -1,0 +1,78 @@
+"""A locomotion task for the expert: static start, goal pose, line obstacles (Sec. 4.2)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmtr.errors import TaskError
+from lmtr.geometry.se2 import SE2
+from lmtr.robot.model import FEET, N_FEET, RobotModel
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Task:
+    """The expert's problem x̄ = (χ̄, γ̄, η̄) in the world frame; start and goal are static stances.
+
+    Attributes:
+        start_pose_W: Base x, y (m) and yaw (rad) at the start, (3,). χ̄
+        start_feet_W: Foot x, y at the start, (4, 2) in m. χ̄
+        goal_pose_W: Base x, y (m) and yaw (rad) at the end, (3,). γ̄
+        obstacles_W: Lines (x, y, α) in m and rad, (n, 3), in the order they are met. η̄
+    """
+
+    start_pose_W: Array
+    start_feet_W: Array
+    goal_pose_W: Array
+    obstacles_W: Array
+
+    def __post_init__(self) -> None:
+        shapes = {"start_pose_W": (3,), "start_feet_W": (N_FEET, 2), "goal_pose_W": (3,)}
+        for name, shape in shapes.items():
+            _require_shape(name, getattr(self, name), shape)
+        _require_shape("obstacles_W", self.obstacles_W, (len(self.obstacles_W), 3))
+        for name in (*shapes, "obstacles_W"):
+            array = getattr(self, name)
+            if not np.isfinite(array).all():
+                raise TaskError(f"task: {name} must be finite, got {np.asarray(array).tolist()}")
+
+    def start_feet_B(self) -> Array:
+        """Start feet relative to the start pose, (4, 2) in m."""
+        return SE2.of(self.start_pose_W).over(1).invert().apply(self.start_feet_W)
+
+    def require_possible(self, robot: RobotModel, duration: float, n_swings: int) -> None:
+        """Refuse a task that no plan can solve.
+
+        Args:
+            robot: The robot that should solve it.
+            duration: Time available, T̄ (s).
+            n_swings: Swings per leg, N̄_p.
+
+        Raises:
+            TaskError: A start foot lies outside its range of motion, or the goal is further away
+                than the legs can reach with ``n_swings`` swings.
+        """
+        reach = np.array(robot.range_of_motion[:2])
+        offset = np.abs(self.start_feet_B() - robot.nominal_feet_B[:, :2])
+        for foot, excess in zip(FEET, offset - reach, strict=True):
+            if excess.max() > 1e-9:
+                raise TaskError(
+                    f"task: start foot {foot} lies {excess.max():.3f} m outside the range of "
+                    f"motion ±{tuple(map(float, reach))} m of robot {robot.name!r}; move it closer"
+                )
+        distance = float(np.linalg.norm(self.goal_pose_W[:2] - self.start_pose_W[:2]))
+        # A stance lets the base sweep the box once; a trot spends as long again in swing.
+        limit = 2.0 * robot.range_of_motion[0] * (n_swings + 1) * 2.0
+        if distance > limit:
+            raise TaskError(
+                f"task: the goal is {distance:.2f} m away, but robot {robot.name!r} reaches at "
+                f"most {limit:.2f} m with {n_swings} swings per leg in {duration} s; "
+                "bring the goal closer"
+            )
+
+
+def _require_shape(name: str, array: Array, shape: tuple[int, ...]) -> None:
+    if np.shape(array) != shape:
+        raise TaskError(f"task: {name} must have shape {shape}, got {np.shape(array)}")

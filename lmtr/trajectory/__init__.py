@@ -1,0 +1,1 @@
+"""Trajectories in native nodes, and their evaluation at any time."""

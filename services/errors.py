@@ -1,0 +1,24 @@
+"""The errors of ``services``: one class per decision a caller can take.
+
+Every message names the object, the cause and the mend, in one line.
+"""
+
+
+class ServiceError(Exception):
+    """Root of all errors raised on purpose by ``services``."""
+
+
+class HomeError(ServiceError):
+    """The home folder cannot be read or written, or is of another version."""
+
+
+class LakeError(ServiceError):
+    """A table is missing, a row breaks its schema, or a query is not allowed."""
+
+
+class ClusterError(ServiceError):
+    """A cluster cannot be reached, or its work failed for good."""
+
+
+class TrackingError(ServiceError):
+    """The experiment tracker cannot be reached or refuses a record."""
