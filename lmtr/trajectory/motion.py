@@ -66,9 +66,10 @@ def sampled(trajectory: Trajectory, dt: float) -> Motion:
     The last base node's time is always among the samples.
     """
     start, end = float(trajectory.base_start), float(trajectory.base_end)
-    times = start + dt * np.arange(int(np.floor((end - start) / dt + 1e-9)) + 1)
+    count = int(np.floor((end - start) / dt + 1e-9)) + 1
+    times: Array = start + dt * np.arange(count, dtype=np.float64)
     if end - times[-1] > 1e-9:
-        times = np.append(times, end)
+        times = np.concatenate([times, np.array([end])])
     base, feet = sample_base(trajectory, times), sample_feet(trajectory, times)
     return Motion(
         times=times,
