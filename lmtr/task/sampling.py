@@ -83,9 +83,12 @@ class Noise:
         return np.asarray(np.sin(np.pi * phase[..., None] * harmonics) @ self.amplitudes)
 
 
-def stream(seed: int, index: int) -> np.random.Generator:
-    """The random stream of solution ``index`` in a data set of seed ``seed``."""
-    return np.random.default_rng(np.random.SeedSequence(entropy=seed, spawn_key=(index,)))
+def stream(seed: int, *key: int) -> np.random.Generator:
+    """The random stream that belongs to ``key`` under a seed, independent of all others.
+
+    The key of a solution's task and noise is its index in the data set.
+    """
+    return np.random.default_rng(np.random.SeedSequence(entropy=seed, spawn_key=key))
 
 
 def sample_task(

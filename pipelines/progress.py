@@ -1,0 +1,69 @@
+"""Progress of long work, for a terminal or for a log."""
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+LOG_EVERY_S = 15.0
+"""Seconds between two progress lines when the output is no terminal."""
+
+console = Console(stderr=True, highlight=False)
+
+
+class Bar:
+    """One line of progress: a count out of a total, and a few words that change."""
+
+    def __init__(self, progress: Progress, task: TaskID, title: str, total: int) -> None:
+        self._progress = progress
+        self._task = task
+        self._title = title
+        self._total = total
+        self._done = 0
+        self._logged = time.monotonic()
+
+    def advance(self, steps: int = 1, note: str = "") -> None:
+        """Count ``steps`` more as done; ``note`` replaces the words at the end of the line."""
+        self._done += steps
+        self._progress.update(self._task, advance=steps, note=note)
+        if not console.is_terminal and time.monotonic() - self._logged > LOG_EVERY_S:
+            self._logged = time.monotonic()
+            console.print(f"{self._title}: {self._done}/{self._total} {note}", markup=False)
+
+
+@contextmanager
+def bar(title: str, total: int) -> Iterator[Bar]:
+    """Show progress while the block runs."""
+    progress = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=24),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[note]}"),
+        console=console,
+        disable=not console.is_terminal,
+    )
+    with progress:
+        yield Bar(progress, progress.add_task(title, total=total, note=""), title, total)
+
+
+def say(message: str) -> None:
+    """Print one line of news about the work, on standard error."""
+    console.print(message, markup=False, soft_wrap=True)
+
+
+def is_interactive() -> bool:
+    """Whether a person watches standard output."""
+    return sys.stdout.isatty()

@@ -1,0 +1,110 @@
+"""Between the science's types and rows of the lake: solutions, tasks, trajectories."""
+
+from collections.abc import Mapping
+from dataclasses import fields
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmtr.expert.solve import Solution
+from lmtr.quality.filter import Verdict
+from lmtr.quality.measure import Violations
+from lmtr.robot.model import N_FEET
+from lmtr.task.sampling import Noise
+from lmtr.task.task import Task
+from lmtr.trajectory.trajectory import FORCE_PIECES, Trajectory
+
+Array = NDArray[np.float64]
+Row = dict[str, Any]
+
+TRAJECTORY_COLUMNS = tuple(field.name for field in fields(Trajectory))
+"""Columns of ``solutions`` that hold a trajectory in native nodes, row-major."""
+
+
+def task_columns(task: Task, noise: Noise) -> Row:
+    """The task x̄ and the noise ξ̄ as columns."""
+    return {
+        "start_pose": task.start_pose_W.tolist(),
+        "start_feet": task.start_feet_W.ravel().tolist(),
+        "goal_pose": task.goal_pose_W.tolist(),
+        "obstacles": task.obstacles_W.ravel().tolist(),
+        "noise_amplitudes": noise.amplitudes.ravel().tolist(),
+        "noise_timing": noise.timing.ravel().tolist(),
+    }
+
+
+def task_of(row: Mapping[str, Any]) -> Task:
+    """The task of a row of ``solutions``."""
+    return Task(
+        start_pose_W=np.array(row["start_pose"]),
+        start_feet_W=np.array(row["start_feet"]).reshape(N_FEET, 2),
+        goal_pose_W=np.array(row["goal_pose"]),
+        obstacles_W=np.array(row["obstacles"], dtype=float).reshape(-1, 3),
+    )
+
+
+def trajectory_columns(trajectory: Trajectory) -> Row:
+    """A trajectory in native nodes as columns."""
+    columns: Row = {"n_stances": trajectory.n_stances}
+    for name in TRAJECTORY_COLUMNS:
+        array = np.asarray(getattr(trajectory, name), dtype=float)
+        columns[name] = array.ravel().tolist() if array.ndim else float(array)
+    return columns
+
+
+def trajectory_of(row: Mapping[str, Any]) -> Trajectory:
+    """The trajectory of a row of ``solutions``, world frame."""
+    stances = row["n_stances"]
+    return Trajectory(
+        base_start=np.array(row["base_start"]),
+        base_nodes=np.array(row["base_nodes"]).reshape(-1, 2, 6),
+        contact_times=np.array(row["contact_times"]).reshape(N_FEET, 2 * stances),
+        footholds=np.array(row["footholds"]).reshape(N_FEET, stances, 3),
+        swing_nodes=np.array(row["swing_nodes"]).reshape(N_FEET, stances - 1, 5),
+        force_nodes=np.array(row["force_nodes"]).reshape(
+            N_FEET, stances, FORCE_PIECES + 1, 2, 3
+        ),
+    )
+
+
+def solution_columns(
+    solution: Solution, verdict: Verdict, violations: Violations, expected_cost: float | None
+) -> Row:
+    """What the optimizer and the quality filter said of one solution, as columns."""
+    return {
+        "status": str(solution.status),
+        "message": solution.message,
+        "accepted": verdict.accepted,
+        "reject_reasons": list(verdict.reasons),
+        "cost": solution.cost,
+        "expected_cost": expected_cost,
+        "cost_terms": list(solution.cost_terms.items()),
+        "constraint_violation": list(solution.constraint_violation.items()),
+        "violations": list(violations.as_dict().items()),
+        "iterations": solution.iterations,
+        "solve_cpu_s": solution.solve_cpu_s,
+        "liftoff_swaps": solution.liftoff_swaps,
+        "order": list(solution.order),
+        "guess_footholds": solution.guess.footholds.ravel().tolist(),
+        **trajectory_columns(solution.trajectory),
+    }
+
+
+def error_columns(message: str) -> Row:
+    """Columns of a task whose work failed outside the optimizer; nothing was solved."""
+    return {
+        "status": "error",
+        "message": message,
+        "accepted": False,
+        "reject_reasons": ["not_converged:error"],
+        "cost_terms": [],
+        "constraint_violation": [],
+        "violations": [],
+    }
+
+
+def now() -> datetime:
+    """The present time, UTC."""
+    return datetime.now(UTC)
