@@ -148,7 +148,9 @@ class Configuration(Section):
 
 def fingerprint(*parts: object) -> str:
     """Eight hexadecimal digits of a digest of settings and plain values."""
-    plain = [part.model_dump(mode="json") if isinstance(part, BaseModel) else part for part in parts]
+    plain = [
+        part.model_dump(mode="json") if isinstance(part, BaseModel) else part for part in parts
+    ]
     text = json.dumps(plain, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:8]
 

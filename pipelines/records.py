@@ -63,9 +63,7 @@ def trajectory_of(row: Mapping[str, Any]) -> Trajectory:
         contact_times=np.array(row["contact_times"]).reshape(N_FEET, 2 * stances),
         footholds=np.array(row["footholds"]).reshape(N_FEET, stances, 3),
         swing_nodes=np.array(row["swing_nodes"]).reshape(N_FEET, stances - 1, 5),
-        force_nodes=np.array(row["force_nodes"]).reshape(
-            N_FEET, stances, FORCE_PIECES + 1, 2, 3
-        ),
+        force_nodes=np.array(row["force_nodes"]).reshape(N_FEET, stances, FORCE_PIECES + 1, 2, 3),
     )
 
 

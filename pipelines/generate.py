@@ -1,0 +1,191 @@
+"""Stage 1: solve tasks on workers, judge the solutions, append them to the lake."""
+
+import functools
+import time
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+
+from lmtr.expert.solve import Expert
+from lmtr.quality.filter import expected_cost, judge
+from lmtr.quality.measure import measure
+from lmtr.task.sampling import sample_noise, sample_task, stream
+from lmtr.vectors.layout import SEGMENT_LAYOUT, TASK_LAYOUT
+from pipelines import records
+from pipelines.config import Configuration
+from pipelines.progress import bar, say
+from pipelines.provenance import code_version
+from pipelines.workspace import Workspace
+from services.lake.schemas import SCHEMAS
+
+BATCH_ROWS = 25
+BATCH_SECONDS = 20.0
+
+
+@dataclass(frozen=True)
+class Generated:
+    """What the stage left in the lake.
+
+    Attributes:
+        dataset_id: The data set.
+        solved: Rows made by this call.
+        present: Rows there before.
+    """
+
+    dataset_id: str
+    solved: int
+    present: int
+
+
+class SolveWorker:
+    """Solves and judges tasks by index; one per process, so the compiled expert is loaded once."""
+
+    def __init__(self, config: Configuration, cache: Path) -> None:
+        self._config = config
+        self._expert = Expert(config.dataset.robot, config.expert, cache)
+
+    def __call__(self, index: int) -> records.Row:
+        """The row of ``solutions`` for the task of this index."""
+        config, robot = self._config, self._config.dataset.robot
+        rng = stream(config.dataset.seed, index)
+        task = sample_task(config.tasks, robot, rng)
+        noise = sample_noise(config.tasks, config.expert.scope.n_swings, rng)
+        solution = self._expert.solve(task, noise)
+        violations = measure(solution.trajectory, robot, task.obstacles_W)
+        expected = expected_cost(task, robot, config.quality)
+        verdict = judge(str(solution.status), solution.cost, expected, violations, config.quality)
+        return {
+            **identity(config, index),
+            **records.task_columns(task, noise),
+            **records.solution_columns(solution, verdict, violations, expected),
+        }
+
+
+def identity(config: Configuration, index: int) -> records.Row:
+    """Columns that say which row this is and what made it."""
+    return {
+        "dataset_id": config.dataset_id,
+        "index": index,
+        "code_version": code_version(),
+        "config_hash": config.dataset_id.rsplit("-", 1)[-1],
+        "created_at": records.now(),
+    }
+
+
+def generate(config: Configuration, workspace: Workspace) -> Generated:
+    """Solve what the data set still lacks; committed rows survive any interruption."""
+    dataset_id, lake = config.dataset_id, workspace.lake
+    with workspace.home.lock(f"generate-{dataset_id}"):
+        _register(config, workspace)
+        present = _present(workspace, dataset_id)
+        missing = [i for i in range(config.dataset.solutions) if i not in present]
+        if not missing:
+            say(f"generate: {dataset_id} has its {config.dataset.solutions} solutions already")
+            return Generated(dataset_id, 0, len(present))
+        _prepare_expert(config, workspace.home.cache)
+        writer = _Writer(workspace, dataset_id)
+        with bar("Solving tasks", len(missing)) as progress:
+            try:
+                for row in _solve(config, workspace, missing):
+                    writer.add(row)
+                    progress.advance(note=writer.summary())
+            finally:
+                # A stop of any kind keeps what is solved.
+                writer.flush()
+        say(
+            f"generate: {dataset_id}: {writer.summary()}; table version {lake.version('solutions')}"
+        )
+    return Generated(dataset_id, len(missing), len(present))
+
+
+def _solve(
+    config: Configuration, workspace: Workspace, missing: list[int]
+) -> Iterator[records.Row]:
+    make_worker = functools.partial(SolveWorker, config, workspace.home.cache)
+    with workspace.cluster(len(missing)) as cluster:
+        for outcome in cluster.stream(make_worker, missing):
+            if outcome.error is None:
+                yield outcome.value
+            else:
+                yield {
+                    **identity(config, outcome.item),
+                    **records.error_columns(outcome.error),
+                }
+
+
+def _prepare_expert(config: Configuration, cache: Path) -> None:
+    """Compile the expert before the workers start, so that they find it in the cache."""
+    report = Expert(config.dataset.robot, config.expert, cache).build_report
+    if not report.compiled:
+        say(f"generate: the expert runs interpreted, about a fifth slower: {report.reason}")
+    elif not report.cached:
+        say(f"generate: expert compiled in {report.seconds:.0f} s, cached for later runs")
+
+
+def _register(config: Configuration, workspace: Workspace) -> None:
+    """Describe the data set once in ``datasets``."""
+    row = {
+        "dataset_id": config.dataset_id,
+        "seed": config.dataset.seed,
+        "configuration": config.model_dump_json(include={"dataset", "tasks", "expert", "quality"}),
+        "robot": config.dataset.robot.name,
+        "layouts": records.to_json(
+            {"task": TASK_LAYOUT.metadata(), "segment": SEGMENT_LAYOUT.metadata()}
+        ),
+        "code_version": code_version(),
+        "created_at": records.now(),
+    }
+    workspace.lake.append(
+        "datasets",
+        pa.Table.from_pylist([row], schema=SCHEMAS["datasets"]),
+        app_id=f"datasets/{config.dataset_id}",
+        number=1,
+    )
+
+
+def _present(workspace: Workspace, dataset_id: str) -> set[int]:
+    if not workspace.lake.exists("solutions"):
+        return set()
+    rows = workspace.lake.read("solutions", ["index"], where=f"dataset_id = '{dataset_id}'")
+    return set(rows["index"].to_pylist())
+
+
+class _Writer:
+    """Gathers rows and appends them in idempotent transactions, by count or by time."""
+
+    def __init__(self, workspace: Workspace, dataset_id: str) -> None:
+        self._lake = workspace.lake
+        self._app_id = f"solutions/{dataset_id}"
+        self._rows: list[dict[str, Any]] = []
+        self._committed = time.monotonic()
+        self._statuses: Counter[str] = Counter()
+        self._accepted = 0
+
+    def add(self, row: records.Row) -> None:
+        """Take one row; append the batch when it is large or old enough."""
+        self._rows.append(row)
+        self._statuses[row["status"]] += 1
+        self._accepted += row["accepted"]
+        if len(self._rows) >= BATCH_ROWS or time.monotonic() - self._committed > BATCH_SECONDS:
+            self.flush()
+
+    def flush(self) -> None:
+        """Append what is gathered."""
+        if self._rows:
+            number = (self._lake.last_transaction("solutions", self._app_id) or 0) + 1
+            table = pa.Table.from_pylist(self._rows, schema=SCHEMAS["solutions"])
+            self._lake.append("solutions", table, app_id=self._app_id, number=number)
+            self._rows = []
+        self._committed = time.monotonic()
+
+    def summary(self) -> str:
+        """Statuses and the accepted share so far, for people."""
+        total = sum(self._statuses.values())
+        if total == 0:
+            return "nothing solved yet"
+        kinds = ", ".join(f"{count} {status}" for status, count in self._statuses.most_common())
+        return f"{kinds}; {self._accepted / total:.0%} accepted"

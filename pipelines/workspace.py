@@ -1,0 +1,49 @@
+"""What every stage works with: the home folder, its lake and tracker, and the cluster."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from pipelines.config import ClusterSection
+from services.cluster import Cluster
+from services.home import Home
+from services.lake.tables import Lake
+from services.tracking import Tracker
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """A home and the services that run on it.
+
+    Attributes:
+        home: The folder that holds everything.
+        cluster_settings: Where work is sent.
+    """
+
+    home: Home
+    cluster_settings: ClusterSection
+
+    @classmethod
+    def open(
+        cls, root: Path, cluster_settings: ClusterSection | None = None, *, create: bool
+    ) -> "Workspace":
+        """Open the home at ``root``, or make it where ``create`` allows."""
+        return cls(Home.open(root, create=create), cluster_settings or ClusterSection())
+
+    @cached_property
+    def lake(self) -> Lake:
+        """The lakehouse of the home."""
+        return Lake(self.home.lake)
+
+    @cached_property
+    def tracker(self) -> Tracker:
+        """The experiment tracker of the home."""
+        return Tracker(f"sqlite:///{self.home.tracking_db}", self.home.artifacts)
+
+    def cluster(self, items: int) -> Cluster:
+        """A cluster for ``items`` pieces of work; use it in a ``with`` statement."""
+        settings = self.cluster_settings
+        workers = settings.workers
+        if workers is not None:
+            workers = min(workers, max(items, 1))
+        return Cluster.connect(address=settings.address, workers=workers)
