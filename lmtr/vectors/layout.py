@@ -14,8 +14,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmtr.errors import DataError
+from lmtr.robot.model import FEET
+from lmtr.trajectory.trajectory import BASE_STEP, FORCE_PIECES
 
 Array = NDArray[np.float64]
+
+N_LINES = 2
+"""Obstacle lines in the task: the next two (Sec. 5.1)."""
+
+SEGMENT_DURATION = 0.8
+"""T of the segment's scope (s)."""
+
+SEGMENT_NODES = round(SEGMENT_DURATION / BASE_STEP) + 1
+"""Base nodes of a segment, one at each end."""
+
+SEGMENT_STANCES = 2
+"""Stances per foot of a segment, with one swing between them."""
 
 
 @dataclass(frozen=True)
@@ -210,3 +224,91 @@ class Layout:
                 f"got {array.shape}"
             )
         return array
+
+
+TASK_LAYOUT = Layout(
+    "task",
+    1,
+    (
+        Field("height", (), "m", "S", "chi_base", "Height of the base."),
+        Field("roll_pitch", (2,), "rad", "S", "chi_base", "Roll and pitch of the base."),
+        Field("linear_velocity", (3,), "m/s", "S", "chi_base", "Velocity of the base."),
+        Field("angular_velocity", (3,), "rad/s", "S", "chi_base", "Angular velocity of the base."),
+        *(
+            field
+            for foot in FEET
+            for field in (
+                Field(f"{foot}_position", (3,), "m", "S", "chi_feet", f"Position of {foot}."),
+                Field(
+                    f"{foot}_time_since_liftoff",
+                    (),
+                    "s",
+                    "",
+                    "chi_feet",
+                    f"How long {foot} has been swinging; 0 in stance.",
+                ),
+            )
+        ),
+        Field(
+            "next_lines",
+            (N_LINES, 3),
+            "m, m, rad",
+            "S",
+            "eta",
+            "The next obstacle lines: point nearest to the origin, direction in [0, π).",
+        ),
+        Field("goal_position", (2,), "m", "S", "gamma", "x, y of the goal pose."),
+        Field("goal_heading", (2,), "1", "S", "gamma", "cos ψ, sin ψ of the goal pose's yaw."),
+    ),
+)
+"""Layout of x."""
+
+
+def _foot_fields(foot: str) -> tuple[Field, ...]:
+    return (
+        Field(
+            f"{foot}_times",
+            (2 * SEGMENT_STANCES,),
+            "s",
+            "",
+            "times",
+            f"{foot}: start of the first stance, lift-off, touch-down, end of the second stance.",
+        ),
+        Field(f"{foot}_first_foothold", (3,), "m", "S", "motion", f"{foot}: first foothold."),
+        Field(f"{foot}_swing_position", (3,), "m", "S", "motion", f"{foot}: mid-swing position."),
+        Field(
+            f"{foot}_swing_velocity",
+            (2,),
+            "m/s",
+            "S",
+            "motion",
+            f"{foot}: horizontal velocity in mid-swing.",
+        ),
+        Field(f"{foot}_second_foothold", (3,), "m", "S", "motion", f"{foot}: second foothold."),
+        Field(
+            f"{foot}_forces",
+            (SEGMENT_STANCES, FORCE_PIECES, 2, 3),
+            "N; N/s",
+            "S",
+            "forces",
+            f"{foot}: by stance, its free force nodes: value and time derivative.",
+        ),
+    )
+
+
+SEGMENT_LAYOUT = Layout(
+    "segment",
+    1,
+    (
+        Field(
+            "base_nodes",
+            (SEGMENT_NODES, 2, 6),
+            "m, rad; m/s, rad/s",
+            "S",
+            "base",
+            "Every 0.1 s from the epoch: position and roll, pitch, yaw; their time derivatives.",
+        ),
+        *(field for foot in FEET for field in _foot_fields(foot)),
+    ),
+)
+"""Layout of τ: forces are in the axes of _S, z up."""

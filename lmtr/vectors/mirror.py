@@ -10,9 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmtr.robot.model import FEET
-from lmtr.vectors.layout import Layout
-from lmtr.vectors.segment_vector import SEGMENT_LAYOUT
-from lmtr.vectors.task_vector import TASK_LAYOUT
+from lmtr.vectors.layout import SEGMENT_LAYOUT, TASK_LAYOUT, Layout
 
 Array = NDArray[np.float64]
 

@@ -5,72 +5,13 @@ from numpy.typing import NDArray
 
 from lmtr.errors import DataError
 from lmtr.robot.model import FEET
-from lmtr.trajectory.trajectory import BASE_STEP, FORCE_PIECES, Trajectory
-from lmtr.vectors.layout import Field, Layout
+from lmtr.trajectory.trajectory import FORCE_PIECES, Trajectory
+from lmtr.vectors.layout import SEGMENT_LAYOUT, SEGMENT_NODES, SEGMENT_STANCES
 
 Array = NDArray[np.float64]
 
-SEGMENT_DURATION = 0.8
-"""T of the segment's scope (s)."""
-
-SEGMENT_NODES = round(SEGMENT_DURATION / BASE_STEP) + 1
-"""Base nodes of a segment, one at each end."""
-
-SEGMENT_STANCES = 2
-"""Stances per foot of a segment, with one swing between them."""
-
 MIN_PHASE = 0.05
 """Shortest phase (s) that decoding lets through; the expert's own phases are longer."""
-
-
-def _foot_fields(foot: str) -> tuple[Field, ...]:
-    return (
-        Field(
-            f"{foot}_times",
-            (2 * SEGMENT_STANCES,),
-            "s",
-            "",
-            "times",
-            f"{foot}: start of the first stance, lift-off, touch-down, end of the second stance.",
-        ),
-        Field(f"{foot}_first_foothold", (3,), "m", "S", "motion", f"{foot}: first foothold."),
-        Field(f"{foot}_swing_position", (3,), "m", "S", "motion", f"{foot}: mid-swing position."),
-        Field(
-            f"{foot}_swing_velocity",
-            (2,),
-            "m/s",
-            "S",
-            "motion",
-            f"{foot}: horizontal velocity in mid-swing.",
-        ),
-        Field(f"{foot}_second_foothold", (3,), "m", "S", "motion", f"{foot}: second foothold."),
-        Field(
-            f"{foot}_forces",
-            (SEGMENT_STANCES, FORCE_PIECES, 2, 3),
-            "N; N/s",
-            "S",
-            "forces",
-            f"{foot}: by stance, its free force nodes: value and time derivative.",
-        ),
-    )
-
-
-SEGMENT_LAYOUT = Layout(
-    "segment",
-    1,
-    (
-        Field(
-            "base_nodes",
-            (SEGMENT_NODES, 2, 6),
-            "m, rad; m/s, rad/s",
-            "S",
-            "base",
-            "Every 0.1 s from the epoch: position and roll, pitch, yaw; their time derivatives.",
-        ),
-        *(field for foot in FEET for field in _foot_fields(foot)),
-    ),
-)
-"""Layout of τ: forces are in the axes of _S, z up."""
 
 
 def encode_segment(segment: Trajectory) -> Array:

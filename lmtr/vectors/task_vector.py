@@ -6,13 +6,10 @@ from numpy.typing import NDArray
 from lmtr.geometry.line import in_frame
 from lmtr.geometry.se2 import SE2
 from lmtr.robot.model import FEET
-from lmtr.vectors.layout import Field, Layout
+from lmtr.vectors.layout import N_LINES, TASK_LAYOUT
 from lmtr.vectors.state import RobotState
 
 Array = NDArray[np.float64]
-
-N_LINES = 2
-"""Obstacle lines in the task: the next two (Sec. 5.1)."""
 
 KEPT_BEHIND = 0.5
 """A line counts until it is this far behind the base (m): the hind feet still have to cross it."""
@@ -27,43 +24,6 @@ a fore foot stands at most 0.5 m ahead of it: no foothold of a segment comes wit
 
 DUMMY_SPACING = 0.8
 """Distance (m) of a dummy behind the line or dummy before it: the mean spacing of real lines."""
-
-TASK_LAYOUT = Layout(
-    "task",
-    1,
-    (
-        Field("height", (), "m", "S", "chi_base", "Height of the base."),
-        Field("roll_pitch", (2,), "rad", "S", "chi_base", "Roll and pitch of the base."),
-        Field("linear_velocity", (3,), "m/s", "S", "chi_base", "Velocity of the base."),
-        Field("angular_velocity", (3,), "rad/s", "S", "chi_base", "Angular velocity of the base."),
-        *(
-            field
-            for foot in FEET
-            for field in (
-                Field(f"{foot}_position", (3,), "m", "S", "chi_feet", f"Position of {foot}."),
-                Field(
-                    f"{foot}_time_since_liftoff",
-                    (),
-                    "s",
-                    "",
-                    "chi_feet",
-                    f"How long {foot} has been swinging; 0 in stance.",
-                ),
-            )
-        ),
-        Field(
-            "next_lines",
-            (N_LINES, 3),
-            "m, m, rad",
-            "S",
-            "eta",
-            "The next obstacle lines: point nearest to the origin, direction in [0, π).",
-        ),
-        Field("goal_position", (2,), "m", "S", "gamma", "x, y of the goal pose."),
-        Field("goal_heading", (2,), "1", "S", "gamma", "cos ψ, sin ψ of the goal pose's yaw."),
-    ),
-)
-"""Layout of x."""
 
 
 def distance_ahead(lines_S: Array) -> Array:
