@@ -1,6 +1,9 @@
 """Which data set a command means, and what the lake says of it."""
 
+import json
+
 from lmtr.errors import DataError
+from lmtr.robot.model import RobotModel
 from pipelines.workspace import Workspace
 
 
@@ -26,3 +29,11 @@ def dataset_seed(workspace: Workspace, dataset_id: str) -> int:
     """The seed that a data set was made with."""
     rows = workspace.lake.read("datasets", ["seed"], where=f"dataset_id = '{dataset_id}'")
     return int(rows["seed"][0].as_py())
+
+
+def robot_of(workspace: Workspace, dataset_id: str) -> RobotModel:
+    """The robot that a data set was made for, as its configuration recorded it."""
+    rows = workspace.lake.read(
+        "datasets", ["configuration"], where=f"dataset_id = '{dataset_id}'"
+    ).to_pylist()
+    return RobotModel.model_validate(json.loads(rows[0]["configuration"])["dataset"]["robot"])

@@ -25,7 +25,7 @@ console = Console(stderr=True, highlight=False)
 class Bar:
     """One line of progress: a count out of a total, and a few words that change."""
 
-    def __init__(self, progress: Progress, task: TaskID, title: str, total: int) -> None:
+    def __init__(self, progress: Progress, task: TaskID, title: str, total: int | None) -> None:
         self._progress = progress
         self._task = task
         self._title = title
@@ -39,12 +39,12 @@ class Bar:
         self._progress.update(self._task, advance=steps, note=note)
         if not console.is_terminal and time.monotonic() - self._logged > LOG_EVERY_S:
             self._logged = time.monotonic()
-            console.print(f"{self._title}: {self._done}/{self._total} {note}", markup=False)
+            console.print(f"{self._title}: {self._done}/{self._total or '?'} {note}", markup=False)
 
 
 @contextmanager
-def bar(title: str, total: int) -> Iterator[Bar]:
-    """Show progress while the block runs."""
+def bar(title: str, total: int | None) -> Iterator[Bar]:
+    """Show progress while the block runs; a total of None is not known beforehand."""
     progress = Progress(
         TextColumn("{task.description}"),
         BarColumn(bar_width=24),

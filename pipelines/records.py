@@ -1,5 +1,6 @@
 """Between the science's types and rows of the lake: solutions, tasks, trajectories."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import fields
 from datetime import UTC, datetime
@@ -41,7 +42,7 @@ def task_of(row: Mapping[str, Any]) -> Task:
         start_pose_W=np.array(row["start_pose"]),
         start_feet_W=np.array(row["start_feet"]).reshape(N_FEET, 2),
         goal_pose_W=np.array(row["goal_pose"]),
-        obstacles_W=np.array(row["obstacles"], dtype=float).reshape(-1, 3),
+        obstacles_W=obstacles_of(row),
     )
 
 
@@ -106,3 +107,13 @@ def error_columns(message: str) -> Row:
 def now() -> datetime:
     """The present time, UTC."""
     return datetime.now(UTC)
+
+
+def to_json(value: object) -> str:
+    """Compact JSON with sorted keys."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"))
+
+
+def obstacles_of(row: Mapping[str, Any]) -> Array:
+    """The obstacle lines (n, 3) of a row of ``solutions`` or ``rollouts``, world frame."""
+    return np.array(row["obstacles"], dtype=float).reshape(-1, 3)

@@ -1,0 +1,34 @@
+"""Commands that look after the installation: ui, doctor."""
+
+from typing import Annotated
+
+import typer
+
+from pipelines.cli import options
+from pipelines.cli.options import HomeOption
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to the application."""
+    panel = "Care"
+    app.command(rich_help_panel=panel)(ui)
+    app.command(rich_help_panel=panel)(doctor)
+
+
+def ui(
+    ctx: typer.Context,
+    port: Annotated[int, typer.Option("--port", "-p", help="Port on this machine.")] = 5000,
+    home: HomeOption = None,
+) -> None:
+    """Open MLflow's web page on the runs of the home (stop it with Ctrl-C)."""
+    from pipelines.ui import serve
+
+    serve(options.workspace(ctx, home, create=False), port)
+
+
+def doctor(ctx: typer.Context, home: HomeOption = None) -> None:
+    """Say what is installed, what is compiled, what can be reached, and how to mend the rest."""
+    from pipelines.doctor import examine
+
+    healthy = examine(options.resolve_home(ctx, home))
+    raise typer.Exit(0 if healthy else 1)

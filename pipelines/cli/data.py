@@ -1,0 +1,125 @@
+"""Commands that look at what was made: query, export, show."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pipelines.cli import options
+from pipelines.cli.options import HomeOption
+
+
+class Format(StrEnum):
+    """How a query's result is written."""
+
+    TABLE = "table"
+    CSV = "csv"
+    JSON = "json"
+    PARQUET = "parquet"
+
+
+class Exported(StrEnum):
+    """What can be exported."""
+
+    SOLUTIONS = "solutions"
+    SEGMENTS = "segments"
+    ROLLOUTS = "rollouts"
+
+
+class Shown(StrEnum):
+    """What can be shown."""
+
+    SOLUTION = "solution"
+    ROLLOUT = "rollout"
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to the application."""
+    panel = "Look"
+    app.command(rich_help_panel=panel)(query)
+    app.command(rich_help_panel=panel)(export)
+    app.command(rich_help_panel=panel)(show)
+
+
+def query(
+    ctx: typer.Context,
+    sql: Annotated[
+        str, typer.Argument(help="One SELECT over the tables of the lake.", metavar="SQL")
+    ],
+    form: Annotated[
+        Format, typer.Option("--format", "-f", help="How the result is written.")
+    ] = Format.TABLE,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="File to write; parquet needs one.")
+    ] = None,
+    home: HomeOption = None,
+) -> None:
+    """Ask the lakehouse in SQL (DuckDB), read-only.
+
+    Tables: `datasets`, `solutions`, `segments`, `models`, `evaluations`, `rollouts`. For example:
+
+    `lmtr query "SELECT status, count(*), median(solve_cpu_s) FROM solutions GROUP BY ALL"`
+    """
+    from pipelines.query import query as ask
+
+    ask(options.workspace(ctx, home, create=False), sql, str(form), out)
+
+
+def export(
+    ctx: typer.Context,
+    what: Annotated[Exported, typer.Argument(help="What to export.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Parquet file to write.")],
+    dt: Annotated[
+        float, typer.Option("--dt", help="Sample time of solutions (s).", min=1e-4)
+    ] = 0.01,
+    where: Annotated[
+        str | None, typer.Option("--where", help="SQL condition on the rows, e.g. 'accepted'.")
+    ] = None,
+    limit: Annotated[
+        int | None, typer.Option("--limit", help="At most so many rows.", min=1)
+    ] = None,
+    home: HomeOption = None,
+) -> None:
+    """Write solutions, segments or rollouts to Parquet, sampled and in SI units (docs/data.md)."""
+    from pipelines import export as exports
+
+    space = options.workspace(ctx, home, create=False)
+    count = {
+        Exported.SOLUTIONS: lambda: exports.export_solutions(space, out, dt, where, limit),
+        Exported.SEGMENTS: lambda: exports.export_segments(space, out, where, limit),
+        Exported.ROLLOUTS: lambda: exports.export_rollouts(space, out, where, limit),
+    }[what]()
+    typer.echo(f"{out}: {count} rows")
+
+
+def show(
+    ctx: typer.Context,
+    what: Annotated[Shown, typer.Argument(help="A solution or a rollout.")],
+    name: Annotated[
+        str,
+        typer.Argument(
+            help="Index of a solution (or DATASET/INDEX); id of a rollout (see `lmtr query "
+            '"SELECT rollout_id FROM rollouts"`).',
+            metavar="ID",
+        ),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="Folder for the pictures. [default: the home's reports]"),
+    ] = None,
+    animation: Annotated[
+        bool, typer.Option("--animation/--no-animation", help="Also draw the animation.")
+    ] = True,
+    form: Annotated[
+        str, typer.Option("--format", help="Kind of animation: gif, or mp4 where ffmpeg is there.")
+    ] = "gif",
+    home: HomeOption = None,
+) -> None:
+    """Draw a solution or a rollout: top view, gait diagram, and an animation."""
+    from pipelines import show as pictures
+
+    space = options.workspace(ctx, home, create=False)
+    draw = pictures.show_solution if what is Shown.SOLUTION else pictures.show_rollout
+    for path in draw(space, name, out, animation_format=form if animation else None):
+        typer.echo(path)

@@ -1,0 +1,81 @@
+"""Options that several commands share, and what they resolve to."""
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pipelines.config import Configuration, load
+from pipelines.workspace import Workspace
+
+DEFAULT_HOME = Path("lmtr-home")
+
+HomeOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--home",
+        help="Folder that holds everything: lake, models, runs, reports. "
+        "[default: $LMTR_HOME or ./lmtr-home]",
+        show_default=False,
+    ),
+]
+ConfigOption = Annotated[
+    str | None,
+    typer.Option(
+        "--config", "-c", help="Built-in name or path of a TOML file. [default: all defaults]"
+    ),
+]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        help="Override one setting: section.key=value (TOML value). May be repeated.",
+        metavar="KEY=VALUE",
+    ),
+]
+DatasetOption = Annotated[
+    str | None,
+    typer.Option("--dataset", "-d", help="Data set id. [default: the newest in the home]"),
+]
+WorkersOption = Annotated[
+    int | None,
+    typer.Option(
+        "--workers", "-w", min=0, help="Worker processes; 0 works in this one. [default: cores]"
+    ),
+]
+
+
+def resolve_home(ctx: typer.Context, home: Path | None) -> Path:
+    """The home given after the command, before it, in LMTR_HOME, or the default, in this order."""
+    before: Path | None = ctx.find_root().params.get("home")
+    from_environment = os.environ.get("LMTR_HOME")
+    if home is not None:
+        return home
+    if before is not None:
+        return before
+    return Path(from_environment) if from_environment else DEFAULT_HOME
+
+
+def configuration(
+    config: str | None, overrides: list[str] | None, **options: object
+) -> Configuration:
+    """The configuration with ``--set`` overrides and then the command's own options applied.
+
+    Args:
+        config: Built-in name, path, or None.
+        overrides: ``section.key=value`` as typed.
+        options: Dotted keys with ``__`` for the dot; None leaves a setting as it is.
+    """
+    typed = [
+        f"{key.replace('__', '.')}={value}" for key, value in options.items() if value is not None
+    ]
+    return load(config, [*(overrides or []), *typed])
+
+
+def workspace(
+    ctx: typer.Context, home: Path | None, config: Configuration | None = None, *, create: bool
+) -> Workspace:
+    """The workspace that the options name."""
+    cluster = config.cluster if config is not None else Configuration().cluster
+    return Workspace.open(resolve_home(ctx, home), cluster, create=create)

@@ -1,0 +1,158 @@
+"""Commands that make things: run, generate, segment, train, evaluate, report.
+
+Stages are imported when they are called, so that ``lmtr --help`` answers at once.
+"""
+
+from typing import Annotated
+
+import typer
+
+from pipelines.cli import options
+from pipelines.cli.options import (
+    ConfigOption,
+    DatasetOption,
+    HomeOption,
+    SetOption,
+    WorkersOption,
+)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to the application."""
+    panel = "Make"
+    app.command(rich_help_panel=panel)(run)
+    app.command(rich_help_panel=panel)(generate)
+    app.command(rich_help_panel=panel)(segment)
+    app.command(rich_help_panel=panel)(train)
+    app.command(rich_help_panel=panel)(evaluate)
+    app.command(rich_help_panel=panel)(report)
+
+
+def run(
+    ctx: typer.Context,
+    config: Annotated[
+        str, typer.Argument(help="Built-in name (`demo`) or path of a TOML file.", metavar="CONFIG")
+    ],
+    overrides: SetOption = None,
+    workers: WorkersOption = None,
+    home: HomeOption = None,
+) -> None:
+    """Do everything: generate, segment, train, evaluate, report.
+
+    Each stage skips what is done and continues what was interrupted, so the same command may be
+    repeated at will.
+    """
+    from pipelines.run import run as run_all
+
+    settings = options.configuration(config, overrides, cluster__workers=workers)
+    run_all(settings, options.workspace(ctx, home, settings, create=True))
+
+
+def generate(
+    ctx: typer.Context,
+    solutions: Annotated[
+        int | None,
+        typer.Option("--solutions", "-n", help="Tasks to solve; more than before extends the set."),
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option("--seed", "-s", help="Seed of all tasks and noise.")
+    ] = None,
+    workers: WorkersOption = None,
+    config: ConfigOption = None,
+    overrides: SetOption = None,
+    home: HomeOption = None,
+) -> None:
+    """Solve tasks with the expert and add the solutions to the lake."""
+    from pipelines.generate import generate as make
+
+    settings = options.configuration(
+        config,
+        overrides,
+        dataset__solutions=solutions,
+        dataset__seed=seed,
+        cluster__workers=workers,
+    )
+    made = make(settings, options.workspace(ctx, home, settings, create=True))
+    typer.echo(made.dataset_id)
+
+
+def segment(
+    ctx: typer.Context,
+    dataset: DatasetOption = None,
+    config: ConfigOption = None,
+    overrides: SetOption = None,
+    home: HomeOption = None,
+) -> None:
+    """Cut the accepted solutions into segments of 0.8 s and one swing per leg."""
+    from pipelines.datasets import resolve
+    from pipelines.segment import segment as cut
+
+    settings = options.configuration(config, overrides)
+    space = options.workspace(ctx, home, settings, create=False)
+    cut(settings, space, resolve(space, dataset))
+
+
+def train(
+    ctx: typer.Context,
+    latent: Annotated[
+        str | None,
+        typer.Option(
+            "--latent", "-l", help="Latent dimensions, e.g. 0,3,6; 0 is the unimodal regressor."
+        ),
+    ] = None,
+    workers: WorkersOption = None,
+    dataset: DatasetOption = None,
+    config: ConfigOption = None,
+    overrides: SetOption = None,
+    home: HomeOption = None,
+) -> None:
+    """Train one model per latent dimension on the segments of a data set."""
+    from pipelines.datasets import resolve
+    from pipelines.train import train as fit
+
+    settings = options.configuration(
+        config,
+        overrides,
+        training__latent=f"[{latent}]" if latent is not None else None,
+        cluster__workers=workers,
+    )
+    space = options.workspace(ctx, home, settings, create=False)
+    fit(settings, space, resolve(space, dataset))
+
+
+def evaluate(
+    ctx: typer.Context,
+    rollouts: Annotated[
+        int | None, typer.Option("--rollouts", "-n", help="Rollouts for each replanner.")
+    ] = None,
+    workers: WorkersOption = None,
+    dataset: DatasetOption = None,
+    config: ConfigOption = None,
+    overrides: SetOption = None,
+    home: HomeOption = None,
+) -> None:
+    """Roll every trained replanner and the trajectory library out over random obstacle courses."""
+    from pipelines.datasets import resolve
+    from pipelines.evaluate import evaluate as roll_out
+
+    settings = options.configuration(
+        config, overrides, evaluation__rollouts=rollouts, cluster__workers=workers
+    )
+    space = options.workspace(ctx, home, settings, create=False)
+    roll_out(settings, space, resolve(space, dataset))
+
+
+def report(
+    ctx: typer.Context,
+    dataset: DatasetOption = None,
+    config: ConfigOption = None,
+    overrides: SetOption = None,
+    home: HomeOption = None,
+) -> None:
+    """Write the HTML report of a data set, its models and its rollouts."""
+    from pipelines.datasets import resolve
+    from pipelines.report import report as write
+
+    settings = options.configuration(config, overrides)
+    space = options.workspace(ctx, home, settings, create=False)
+    typer.echo(write(settings, space, resolve(space, dataset)))

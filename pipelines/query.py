@@ -1,0 +1,63 @@
+"""Queries of the lakehouse, shown or written."""
+
+import sys
+from pathlib import Path
+
+import pyarrow as pa
+from rich.console import Console
+from rich.table import Table
+
+from lmtr.errors import ConfigurationError
+from pipelines.workspace import Workspace
+from services.lake.queries import query as run_query
+from services.lake.queries import write_result
+
+SHOWN_ROWS = 100
+
+
+def query(workspace: Workspace, sql: str, form: str, out: Path | None) -> None:
+    """Run one read-only query and show its result as a table, or write it.
+
+    Raises:
+        ConfigurationError: Parquet is asked for without a file, or a table with one.
+        LakeError: The query is wrong or not allowed.
+    """
+    if form == "table" and out is not None:
+        form = {".csv": "csv", ".json": "json", ".parquet": "parquet"}.get(out.suffix, form)
+        if form == "table":
+            raise ConfigurationError(
+                f"query: cannot tell a format from {str(out)!r}; add --format csv, json or parquet"
+            )
+    if form == "parquet" and out is None and sys.stdout.isatty():
+        raise ConfigurationError("query: parquet is binary; name a file with --out FILE.parquet")
+    result = run_query(workspace.lake, sql)
+    if form == "table":
+        _show(result)
+    else:
+        write_result(result, out, form)
+
+
+def _show(result: pa.Table) -> None:
+    table = Table(header_style="bold")
+    for field in result.schema:
+        numeric = pa.types.is_integer(field.type) or pa.types.is_floating(field.type)
+        table.add_column(field.name, justify="right" if numeric else "left", overflow="fold")
+    for row in result.slice(0, SHOWN_ROWS).to_pylist():
+        table.add_row(*(_cell(value) for value in row.values()))
+    console = Console()
+    console.print(table)
+    if result.num_rows > SHOWN_ROWS:
+        console.print(
+            f"{SHOWN_ROWS} of {result.num_rows} rows shown; use LIMIT, or --format csv for all"
+        )
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, list) and len(value) > 8:
+        head = ", ".join(_cell(item) for item in value[:4])
+        return f"[{head}, … {len(value)} values]"
+    return str(value)

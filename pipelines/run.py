@@ -1,0 +1,40 @@
+"""All stages in a row: from a configuration to a report."""
+
+import time
+from pathlib import Path
+
+from pipelines.config import Configuration
+from pipelines.progress import say
+from pipelines.workspace import Workspace
+
+
+def run(config: Configuration, workspace: Workspace) -> Path:
+    """Generate, segment, train, evaluate, report; returns the report's page.
+
+    Every stage skips what is done, so an interrupted run goes on where it stopped.
+    """
+    from pipelines.evaluate import evaluate
+    from pipelines.generate import generate
+    from pipelines.report import report
+    from pipelines.segment import segment
+    from pipelines.train import train
+
+    began = time.monotonic()
+    dataset_id = generate(config, workspace).dataset_id
+    segment(config, workspace, dataset_id)
+    train(config, workspace, dataset_id)
+    evaluate(config, workspace, dataset_id)
+    page = report(config, workspace, dataset_id)
+    say(f"\nDone in {time.monotonic() - began:.0f} s.")
+    _tell_what_next(workspace, page)
+    return page
+
+
+def _tell_what_next(workspace: Workspace, page: Path) -> None:
+    home = workspace.home.root
+    say(f"Report:      {page}")
+    say(f"Experiments: lmtr --home {home} ui")
+    say(
+        f'A query:     lmtr --home {home} query "SELECT replanner, '
+        "summary['close_share'] AS close FROM evaluations ORDER BY close\""
+    )
