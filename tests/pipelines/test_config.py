@@ -1,0 +1,69 @@
+"""A configuration is checked whole, and every fault is one line that names key and mend."""
+
+import pytest
+
+from lmtr.errors import ConfigurationError
+from pipelines.config import builtin_names, load, parse
+
+
+def test_every_builtin_configuration_is_valid():
+    assert "demo" in builtin_names()
+    for name in builtin_names():
+        assert load(name).dataset.name
+
+
+@pytest.mark.parametrize(
+    ("override", "named"),
+    [
+        ("expert.durationn=3", "durationn"),
+        ("tasks.goal_yaw=-1", "tasks.goal_yaw"),
+        ("expert.scope.duration=-7.5", "expert.scope.duration"),
+        ("training.latent=[0, -1]", "training.latent.1"),
+        ("dataset.robot='unicorn'", "unicorn"),
+        ("dataset.solutions=many", "dataset.solutions"),
+        ("tasks.goal_distance=[3.0, 2.0]", "goal_distance"),
+        ("nonsense", "section.key=value"),
+    ],
+)
+def test_a_fault_is_one_line_that_names_it(override, named):
+    with pytest.raises(ConfigurationError) as caught:
+        load("demo", [override])
+    assert named in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_misspelt_key_gets_the_right_one():
+    with pytest.raises(ConfigurationError, match="did you mean 'goal_yaw'"):
+        load(None, ["tasks.goal_yav=0.1"])
+
+
+def test_an_unknown_file_lists_the_builtin_ones():
+    with pytest.raises(ConfigurationError, match="demo"):
+        load("no-such-file.toml")
+
+
+def test_broken_toml_names_the_line(tmp_path):
+    path = tmp_path / "broken.toml"
+    path.write_text("[dataset]\nsolutions = = 3\n")
+    with pytest.raises(ConfigurationError, match="line 2"):
+        load(str(path))
+
+
+def test_overrides_win_over_the_file_and_later_ones_over_earlier_ones(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text("[dataset]\nsolutions = 5\nseed = 3\n")
+    config = load(str(path), ["dataset.solutions=6", "dataset.solutions=7"])
+    assert (config.dataset.solutions, config.dataset.seed) == (7, 3)
+
+
+def test_the_dataset_id_depends_on_what_decides_the_rows_and_on_nothing_else():
+    base = parse({})
+    longer = parse({"dataset": {"solutions": 9}, "cluster": {"workers": 1}})
+    assert longer.dataset_id == base.dataset_id
+    others = [
+        {"dataset": {"seed": 1}},
+        {"dataset": {"robot": "hyq"}},
+        {"tasks": {"goal_yaw": 0.1}},
+        {"expert": {"obstacle_weight": 0.0}},
+    ]
+    assert len({base.dataset_id, *(parse(tree).dataset_id for tree in others)}) == 5
