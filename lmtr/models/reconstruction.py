@@ -1,0 +1,60 @@
+"""Errors of predicted segments in units that a person can judge."""
+
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from lmtr.robot.model import FEET
+from lmtr.vectors.layout import SEGMENT_LAYOUT, Layout
+
+Array = NDArray[np.float64]
+Error = Annotated[float, Field(ge=0.0)]
+
+
+class ReconstructionErrors(BaseModel):
+    """Means over segments and over all quantities of a kind.
+
+    Attributes:
+        base_position_mm: Distance of the base nodes from the expert's (mm).
+        times_ms: Absolute error of the contact changes (ms).
+        second_foothold_mm: Distance of the second footholds, the plan's next ones (mm).
+        forces_weights: Absolute error per component of the force nodes' values, over the robot's
+            weight.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    base_position_mm: Error
+    times_ms: Error
+    second_foothold_mm: Error
+    forces_weights: Error
+
+
+def reconstruction_errors(
+    tau: Array, tau_hat: Array, weight: float, layout: Layout = SEGMENT_LAYOUT
+) -> ReconstructionErrors:
+    """Compare predicted with expert segments.
+
+    Args:
+        tau: Expert segments, (B, 264) in SI units.
+        tau_hat: Predictions, (B, 264) in SI units.
+        weight: The robot's weight (N).
+        layout: Layout of both.
+    """
+    error = layout.unpack(np.asarray(tau_hat - tau))
+    by_foot = {
+        name: np.stack([error[f"{foot}_{name}"] for foot in FEET])
+        for name in ("times", "second_foothold", "forces")
+    }
+    return ReconstructionErrors(
+        base_position_mm=1e3 * _mean_distance(error["base_nodes"][..., 0, :3]),
+        times_ms=1e3 * float(np.abs(by_foot["times"]).mean()),
+        second_foothold_mm=1e3 * _mean_distance(by_foot["second_foothold"]),
+        forces_weights=float(np.abs(by_foot["forces"][..., 0, :]).mean()) / weight,
+    )
+
+
+def _mean_distance(offsets: Array) -> float:
+    return float(np.linalg.norm(offsets, axis=-1).mean())

@@ -1,0 +1,5 @@
+"""Mode policies π: x → z and the distance between tasks that they rest on (Sec. 3.3).
+
+Parts, each importing only from those before it: ``distance``, ``nearest_neighbour``,
+``mode_library``, ``mode_policy``.
+"""
