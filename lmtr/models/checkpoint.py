@@ -1,13 +1,12 @@
 """A trained model's folder: ``weights.safetensors`` and ``model.json``, and nothing executable.
 
-A folder appears whole, by one rename, or not at all, and is never overwritten. Loading refuses
-what does not fit: another layout or robot, missing or damaged files, and says what differs.
+A folder appears whole, by one rename, or not at all. Loading refuses what does not fit (another
+layout or robot, missing or damaged files) and says what differs.
 """
 
 import hashlib
 import json
 import os
-import shutil
 import tempfile
 from collections.abc import Mapping
 from itertools import pairwise
@@ -42,33 +41,32 @@ _HISTORY = TypeAdapter(tuple[EpochRecord, ...])
 
 
 def save(model: TrainedModel, folder: Path) -> None:
-    """Write a model to a new folder.
+    """Write a model's folder, in the place of an older model if there is one.
 
     Args:
         model: The model.
         folder: Where to; its parent is made if need be.
 
     Raises:
-        ModelError: The folder exists and is not empty.
+        ModelError: The folder holds something else than a model.
     """
+    if folder.exists() and not _may_be_replaced(folder):
+        raise ModelError(
+            f"model {folder}: the folder must be new, empty or a model's, got one that holds "
+            "other files; choose another one"
+        )
     weights = tensors_to_bytes(_tensors(model))
     description = json.dumps(_description(model, weights), indent=1).encode()
     folder.parent.mkdir(parents=True, exist_ok=True)
-    draft = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
-    try:
+    with tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as scratch:
+        draft = Path(scratch, "new")
+        draft.mkdir()
         _write(draft / WEIGHTS, weights)
         _write(draft / DESCRIPTION, description)
-        draft.chmod(0o755)  # a temporary folder is private, a model is not
-        os.rename(draft, folder)  # fails on a folder with contents
-    except OSError as error:
         if folder.exists():
-            raise ModelError(
-                f"model {folder}: a saved model is never overwritten; choose another folder or "
-                "remove this one"
-            ) from error
-        raise
-    finally:
-        shutil.rmtree(draft, ignore_errors=True)
+            # No rename replaces a filled folder: for an instant there is no model, never a part.
+            folder.rename(Path(scratch, "old"))
+        draft.rename(folder)
 
 
 def load(
@@ -237,6 +235,10 @@ def _require_robot(folder: Path, found: RobotModel, expected: RobotModel) -> Non
             f"differs in {', '.join(names)} ({first}: {getattr(expected, first)!r} against "
             f"{getattr(found, first)!r}); train one for this robot"
         )
+
+
+def _may_be_replaced(folder: Path) -> bool:
+    return folder.is_dir() and {p.name for p in folder.iterdir()} <= {WEIGHTS, DESCRIPTION}
 
 
 def _write(path: Path, content: bytes) -> None:

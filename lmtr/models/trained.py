@@ -72,6 +72,15 @@ class TrainedModel:
         looks = [(e.validation.loss, e.epoch, e) for e in self.history if e.validation is not None]
         return min(looks)[-1] if looks else None
 
+    def describe(self) -> dict[str, Any]:
+        """Settings, robot and origin as plain JSON types, for provenance."""
+        return {
+            "model": self.settings.model_dump(mode="json"),
+            "training": self.training.model_dump(mode="json"),
+            "robot": self.robot.name,
+            "provenance": dict(self.provenance),
+        }
+
     def predict(self, x: Array, z: Array) -> Array:
         """The regressor τ = f_z(x; z) (Sec. 3.2).
 

@@ -1,0 +1,64 @@
+"""The trajectory library: the expert's own segment for the most similar task (Eq. 8)."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmtr.errors import DataError
+from lmtr.models.rows import finite_rows
+from lmtr.policies.distance import TaskWeights
+from lmtr.policies.nearest_neighbour import TaskIndex
+from lmtr.vectors.layout import SEGMENT_LAYOUT, Layout
+from lmtr.vectors.scaling import Standardiser
+
+Array = NDArray[np.float64]
+
+
+class TrajectoryLibraryReplanner:
+    """Plans by look-up in the expert's segments, kept in single precision (about 1e-7 of a value).
+
+    Args:
+        x: Tasks (N, 35).
+        tau: Their segments (N, 264).
+        weights: w of the task distance.
+        standardiser: Scaling of the task dimensions.
+        layout: Layout of τ.
+
+    Raises:
+        DataError: Tasks or segments are of another layout, not finite, none, or not as many.
+    """
+
+    name = "library"
+
+    def __init__(
+        self,
+        x: Array,
+        tau: Array,
+        weights: TaskWeights,
+        standardiser: Standardiser,
+        layout: Layout = SEGMENT_LAYOUT,
+    ) -> None:
+        if len(x) != len(tau):
+            raise DataError(
+                f"trajectory library: tasks and segments must be as many, got {len(x)} and "
+                f"{len(tau)}; pair every segment with its task"
+            )
+        self._weights = weights
+        self._index = TaskIndex(x, weights, standardiser)
+        self._tau = finite_rows("library segments", tau, layout).astype(np.float32)
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of tasks and segments (bytes)."""
+        return self._index.nbytes + self._tau.nbytes
+
+    def plan(self, x: Array) -> Array:
+        """Segments τ (B, 264) for tasks x (B, 35), SI units, _S."""
+        _, rows = self._index.query(x)
+        return self._tau[rows[:, 0]].astype(np.float64)
+
+    def describe(self) -> dict[str, Any]:
+        """Weights and size of the library."""
+        weights = self._weights.model_dump()
+        return {"replanner": self.name, "weights": weights, "rows": len(self._index)}
