@@ -1,12 +1,13 @@
-"""Settings of the expert's scope: duration, swings per leg and the timing of the first guess."""
+"""Settings of the expert: its scope, the weights of its costs, its limits and its solver."""
 
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from lmtr.trajectory.trajectory import BASE_STEP
 
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 
 
 class Scope(BaseModel):
@@ -49,3 +50,133 @@ class Scope(BaseModel):
         return (self.duration - 2.0 * self.first_liftoff - self.nominal_swing) / (
             self.n_swings - 1 + 0.75
         )
+
+
+class CostWeights(BaseModel):
+    """Weights of the expert's costs c (Eq. 2); every one may be changed without recompiling.
+
+    Attributes:
+        acceleration: On ∫|r̈|² dt (per m²/s³).
+        angular_acceleration: On ∫|(roll, pitch, yaw)¨|² dt (per rad²/s³).
+        tilt: On ∫(roll² + pitch²) dt (per rad²·s).
+        height: On ∫(z − nominal)² dt (per m²·s).
+        foot_offset: On the integrated square of each foot's offset from neutral, in half sides of
+            its range of motion (per s). Without it the optimum is so flat that an early stop
+            leaves footholds decimetres away from it.
+        horizontal_force: On the squared horizontal part of the force points (per weight²).
+        force_slope: On the mean squared slope of each force cubic, over its own unit time.
+        force_curvature: On the mean squared curvature of each force cubic, likewise.
+        swing_offset: On the squared offset of a swing's middle (per m²).
+        swing_drift: On the squared extra velocity of a swing's middle times the swing's duration
+            (per m²).
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    acceleration: NonNegative = 0.02
+    angular_acceleration: NonNegative = 0.01
+    tilt: NonNegative = 0.4
+    height: NonNegative = 2.5
+    foot_offset: NonNegative = 0.03
+    horizontal_force: NonNegative = 0.02
+    force_slope: NonNegative = 0.02
+    force_curvature: NonNegative = 0.002
+    swing_offset: NonNegative = 1.0
+    swing_drift: NonNegative = 1.0
+
+
+class Limits(BaseModel):
+    """Bounds of the expert's problem; friction and range of motion are the robot's.
+
+    Attributes:
+        swing: Shortest and longest swing (s).
+        stance: Shortest and longest stance (s); the first and last ones have no longest.
+        window: Largest departure of a contact change from the nominal timing (s). It says which
+            samples can meet which phases, and so how sparse the problem is; solutions that touch
+            it are flagged.
+        force: Largest vertical force of one foot (weights).
+        height: Largest departure of the base from its nominal height (m).
+        tilt: Largest roll and pitch (rad).
+        swing_height: Lowest and highest middle of a swing above the ground (m).
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    swing: tuple[Positive, Positive] = (0.2, 0.7)
+    stance: tuple[Positive, Positive] = (0.2, 2.5)
+    window: Positive = 0.5
+    force: Positive = 1.5
+    height: Positive = 0.15
+    tilt: Positive = 0.6
+    swing_height: tuple[Positive, Positive] = (0.04, 0.16)
+
+    @model_validator(mode="after")
+    def _ranges_ascend(self) -> "Limits":
+        for name in ("swing", "stance", "swing_height"):
+            low, high = getattr(self, name)
+            if low >= high:
+                raise ValueError(f"{name} must ascend, got ({low}, {high}); swap its two values")
+        return self
+
+
+class SolverSettings(BaseModel):
+    """Settings of the interior-point method.
+
+    Attributes:
+        max_iterations: Iterations after which a solve is given up.
+        tolerance: Scaled optimality at which a solve has converged.
+        constraint_tolerance: Largest constraint violation of a converged solve (scaled rows).
+        early_objective_change: Relative change of the cost over an iteration below which a nearly
+            feasible iterate counts as converged: the last digits of the cost move no foothold.
+        early_iterations: Iterations in a row that must be so.
+        proximal: Hessian-only damping ρ of contact times and footholds; it takes the place of
+            curvature that is left out on purpose and moves no optimum.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    max_iterations: Annotated[int, Field(ge=1)] = 200
+    tolerance: Positive = 1e-3
+    constraint_tolerance: Positive = 1e-4
+    early_objective_change: Positive = 2e-4
+    early_iterations: Annotated[int, Field(ge=1)] = 3
+    proximal: NonNegative = 2.0
+
+
+class ExpertSettings(BaseModel):
+    """Everything that defines the expert but the robot.
+
+    Attributes:
+        scope: Duration and swings per leg.
+        obstacle_weight: Height of each line's potential at each foothold.
+        obstacle_sigma: Standard deviation of the potential across the line (m).
+        costs: Weights of the other costs.
+        limits: Bounds.
+        range_of_motion_step: Spacing of the samples at which the range of motion holds (s); with
+            0.1 s stance feet leave it by centimetres in between.
+        solver: Settings of the solver.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    scope: Scope = Scope()
+    obstacle_weight: NonNegative = 0.5
+    obstacle_sigma: Positive = 0.1
+    costs: CostWeights = CostWeights()
+    limits: Limits = Limits()
+    range_of_motion_step: Positive = 0.05
+    solver: SolverSettings = SolverSettings()
+
+    @model_validator(mode="after")
+    def _samples_divide_knots(self) -> "ExpertSettings":
+        ratio = BASE_STEP / self.range_of_motion_step
+        if ratio < 1.0 - 1e-9 or abs(ratio - round(ratio)) > 1e-9:
+            raise ValueError(
+                f"range_of_motion_step must divide the base's knot spacing {BASE_STEP} s, got "
+                f"{self.range_of_motion_step}; use 0.1, 0.05 or 0.025"
+            )
+        if abs(self.scope.duration / BASE_STEP - round(self.scope.duration / BASE_STEP)) > 1e-6:
+            raise ValueError(
+                f"scope.duration must be a multiple of {BASE_STEP} s, got {self.scope.duration}"
+            )
+        return self

@@ -28,6 +28,21 @@ def knot_acceleration(before: Any, at: Any, after: Any, step: float) -> Any:  # 
     return (before - 2.0 * at + after) / (step * step)
 
 
+def value_weights(u: float) -> Array:
+    """Weights (4,) of four consecutive control points at local time u in [0, 1] between knots."""
+    return (
+        np.array(
+            [
+                (1.0 - u) ** 3,
+                3.0 * u**3 - 6.0 * u**2 + 4.0,
+                -3.0 * u**3 + 3.0 * u**2 + 3.0 * u + 1.0,
+                u**3,
+            ]
+        )
+        / 6.0
+    )
+
+
 def hermite_nodes(control: Array, step: float) -> Array:
     """Hermite nodes (N, 2, D) — value, time derivative — of N + 2 control points (N + 2, D)."""
     before, at, after = control[:-2], control[1:-1], control[2:]

@@ -1,0 +1,304 @@
+"""From elements to the functions an interior-point solver calls: f, ∇f, g, ∂g/∂x, ∇²L.
+
+Every element is differentiated once, as a small scalar expression graph; its instances are
+gathered from the quantity vector and mapped. The nonzeros of all instances, laid end to end, are
+brought to the nonzeros of the Jacobian or Hessian by one constant sparse matrix, which holds both
+the scatter and the chain rule through the linear quantities q = C·x + …:
+
+    ∂g/∂x = (∂g/∂q)·C,    ∇²L = Cᵀ·(∇²_q L)·C.
+
+So the expressions stay as small as the elements, and derivatives are exact by construction, but
+for the curvature that elements leave out on purpose.
+"""
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from lmtr.expert.element import Element
+from lmtr.expert.quantities import LinearMap
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Placed:
+    """An element with the place of its constraint group among all rows."""
+
+    element: Element
+    first_row: int
+
+    @property
+    def rows(self) -> Index:
+        """Rows of each instance, (K, r)."""
+        return self.element.instances.rows + self.first_row
+
+
+@dataclass(frozen=True)
+class Assembled:
+    """The problem's functions of (x, p), under the names that CasADi's solvers use.
+
+    Attributes:
+        cost: nlp_f → f.
+        constraints: nlp_g → g.
+        cost_gradient: nlp_grad_f → f, ∇f.
+        constraint_jacobian: nlp_jac_g → g, ∂g/∂x (sparse).
+        hessian: nlp_hess_lag of (x, p, lam_f, lam_g) → upper triangle of ∇²L (sparse).
+        cost_terms: nlp_terms → the costs by name, in the order of ``cost_names``; f is their sum.
+    """
+
+    cost: ca.Function
+    constraints: ca.Function
+    cost_gradient: ca.Function
+    constraint_jacobian: ca.Function
+    hessian: ca.Function
+    cost_terms: ca.Function
+    cost_names: tuple[str, ...]
+
+    def all(self) -> list[ca.Function]:
+        """All of them, to generate code of."""
+        return [
+            self.cost,
+            self.constraints,
+            self.cost_gradient,
+            self.constraint_jacobian,
+            self.hessian,
+            self.cost_terms,
+        ]
+
+
+class Assembly:
+    """Builds the functions of one problem from its placed elements."""
+
+    def __init__(
+        self, placed: list[Placed], linear: LinearMap, n_rows: int, n_parameters: int
+    ) -> None:
+        self._placed = placed
+        self._linear = linear
+        self._n_rows = n_rows
+        n_variables = linear.of_variables.shape[1]
+        self._x = ca.MX.sym("x", n_variables)
+        self._p = ca.MX.sym("p", n_parameters)
+        self._q = (
+            _casadi(linear.of_variables) @ self._x
+            + _casadi(linear.of_parameters) @ self._p
+            + ca.DM(linear.constant)
+        )
+
+    def assemble(self) -> Assembled:
+        """All functions."""
+        x, p = self._x, self._p
+        names, terms = self._cost_terms()
+        f, g = ca.sum1(terms), self._constraints()
+        lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", self._n_rows)
+        return Assembled(
+            ca.Function("nlp_f", [x, p], [f], ["x", "p"], ["f"]),
+            ca.Function("nlp_g", [x, p], [g], ["x", "p"], ["g"]),
+            ca.Function("nlp_grad_f", [x, p], [f, self._gradient()], ["x", "p"], ["f", "grad_f_x"]),
+            ca.Function("nlp_jac_g", [x, p], [g, self._jacobian()], ["x", "p"], ["g", "jac_g_x"]),
+            ca.Function(
+                "nlp_hess_lag",
+                [x, p, lam_f, lam_g],
+                [self._hessian(lam_f, lam_g)],
+                ["x", "p", "lam_f", "lam_g"],
+                ["triu_hess_gamma_x_x"],
+            ),
+            ca.Function("nlp_terms", [x, p], [terms], ["x", "p"], ["terms"]),
+            names,
+        )
+
+    def _map(
+        self, element: Element, label: str, output: ca.SX, *extra: tuple[ca.SX, ca.MX]
+    ) -> ca.MX:
+        """Dense ``output`` (n,) of all instances, (n·K,), with further inputs (SX, MX (·, K))."""
+        where, inputs = element.instances, element.symbols
+        arguments = [
+            (inputs.quantities, _gather(self._q, where.quantities)),
+            (inputs.parameters, _gather(self._p, where.parameters)),
+            (inputs.constants, ca.MX(ca.DM(where.constants.T))),
+            *extra,
+        ]
+        used = [(symbol, value) for symbol, value in arguments if symbol.numel()]
+        function = ca.Function(
+            f"{element.name}_{label}", [symbol for symbol, _ in used], [ca.densify(output)]
+        )
+        mapped = function.map(len(where))(*[value for _, value in used])
+        return ca.vec(mapped)
+
+    def _cost_terms(self) -> tuple[tuple[str, ...], ca.MX]:
+        sums: dict[str, ca.MX] = {}
+        for item in self._placed:
+            element = item.element
+            if element.cost_name:
+                total = ca.sum1(self._map(element, "cost", element.cost))
+                sums[element.cost_name] = sums.get(element.cost_name, ca.MX(0.0)) + total
+        return tuple(sums), ca.vertcat(*sums.values())
+
+    def _constraints(self) -> ca.MX:
+        values, targets = [], []
+        for item in self._placed:
+            if item.element.rows.numel():
+                values.append(self._map(item.element, "rows", item.element.rows))
+                targets.append(item.rows.reshape(-1))
+        target = np.concatenate(targets)
+        scatter = sp.csc_matrix(
+            (np.ones(len(target)), (target, np.arange(len(target)))),
+            shape=(self._n_rows, len(target)),
+        )
+        return _casadi(scatter) @ ca.vertcat(*values)
+
+    def _gradient(self) -> ca.MX:
+        values, targets = [], []
+        for item in self._placed:
+            element = item.element
+            if element.cost_name:
+                slope = ca.jacobian(element.cost, element.symbols.quantities).T
+                values.append(self._map(element, "slope", slope))
+                targets.append(element.instances.quantities.reshape(-1))
+        target = np.concatenate(targets)
+        scatter = sp.csc_matrix(
+            (np.ones(len(target)), (target, np.arange(len(target)))),
+            shape=(self._linear.of_variables.shape[0], len(target)),
+        )
+        return _casadi(self._linear.of_variables.T @ scatter) @ ca.vertcat(*values)
+
+    def _jacobian(self) -> ca.MX:
+        values, rows, columns = [], [], []
+        for item in self._placed:
+            element = item.element
+            if not element.rows.numel():
+                continue
+            jacobian = ca.jacobian(element.rows, element.symbols.quantities)
+            row, column = (
+                np.array(part, dtype=np.intp) for part in jacobian.sparsity().get_triplet()
+            )
+            values.append(self._map(element, "jacobian", _nonzeros(jacobian)))
+            rows.append(item.rows[:, row].reshape(-1))
+            columns.append(element.instances.quantities[:, column].reshape(-1))
+        scatter = _Scatter(np.concatenate(rows), np.concatenate(columns))
+        expanded = scatter.through_columns(self._linear.of_variables)
+        return expanded.matrix((self._n_rows, self._x.numel()), ca.vertcat(*values))
+
+    def _hessian(self, lam_f: ca.MX, lam_g: ca.MX) -> ca.MX:
+        values, rows, columns = [], [], []
+        for item in self._placed:
+            element = item.element
+            hessian, multipliers = _curvature(element)
+            hessian = ca.triu(hessian)
+            if not hessian.nnz():
+                continue
+            count = len(element.instances)
+            extra = [(multipliers[0], ca.repmat(lam_f, 1, count))]
+            if element.rows.numel():
+                extra.append((multipliers[1], _gather(lam_g, item.rows)))
+            row, column = (
+                np.array(part, dtype=np.intp) for part in hessian.sparsity().get_triplet()
+            )
+            values.append(self._map(element, "hessian", _nonzeros(hessian), *extra))
+            rows.append(element.instances.quantities[:, row].reshape(-1))
+            columns.append(element.instances.quantities[:, column].reshape(-1))
+        scatter = _Scatter(np.concatenate(rows), np.concatenate(columns))
+        expanded = scatter.as_symmetric().congruent(self._linear.of_variables)
+        size = self._x.numel()
+        return expanded.matrix((size, size), ca.vertcat(*values))
+
+
+def _curvature(element: Element) -> tuple[ca.SX, tuple[ca.SX, ca.SX]]:
+    """Second derivative of λ_f·cost + λᵀrows that the solver is given, and its multipliers."""
+    q = element.symbols.quantities
+    lam_f, lam = ca.SX.sym("lam_f"), ca.SX.sym("lam", element.rows.numel())
+    cost = element.cost_hessian
+    if cost is None:
+        cost = ca.hessian(element.cost, q)[0]
+    rows = ca.hessian(ca.dot(lam, element.rows), q)[0] if lam.numel() else ca.SX(*q.shape[:1] * 2)
+    kept = np.ones(q.numel())
+    kept[list(element.without_curvature)] = 0.0
+    rows = ca.sparsify(rows * ca.DM(np.outer(kept, kept)))
+    return lam_f * cost + rows, (lam_f, lam)
+
+
+class _Scatter:
+    """Where each value of a long vector goes in a sparse matrix, and with which factor.
+
+    Stored as one entry per contribution: (row, column) += factor · value[source].
+    """
+
+    def __init__(
+        self, rows: Index, columns: Index, source: Index | None = None, factor: Array | None = None
+    ) -> None:
+        self.rows, self.columns = rows, columns
+        self.source = np.arange(len(rows)) if source is None else source
+        self.factor = np.ones(len(rows)) if factor is None else factor
+
+    def through_columns(self, linear: sp.csr_matrix) -> "_Scatter":
+        """M ↦ M·C."""
+        count = np.diff(linear.indptr)[self.columns]
+        entry = np.repeat(np.arange(len(self.rows)), count)
+        begin = np.repeat(linear.indptr[self.columns], count)
+        within = np.arange(len(entry)) - np.repeat(np.cumsum(count) - count, count)
+        place = begin + within
+        return _Scatter(
+            self.rows[entry],
+            linear.indices[place].astype(np.intp),
+            self.source[entry],
+            self.factor[entry] * linear.data[place],
+        )
+
+    def transposed(self) -> "_Scatter":
+        return _Scatter(self.columns, self.rows, self.source, self.factor)
+
+    def as_symmetric(self) -> "_Scatter":
+        """Both triangles of a symmetric matrix given by one."""
+        off = self.rows != self.columns
+        return _Scatter(
+            np.concatenate([self.rows, self.columns[off]]),
+            np.concatenate([self.columns, self.rows[off]]),
+            np.concatenate([self.source, self.source[off]]),
+            np.concatenate([self.factor, self.factor[off]]),
+        )
+
+    def congruent(self, linear: sp.csr_matrix) -> "_Scatter":
+        """Upper triangle of Cᵀ·M·C."""
+        both = self.through_columns(linear).transposed().through_columns(linear)
+        upper = both.rows <= both.columns
+        return _Scatter(
+            both.rows[upper], both.columns[upper], both.source[upper], both.factor[upper]
+        )
+
+    def matrix(self, shape: tuple[int, int], values: ca.MX) -> ca.MX:
+        """The sparse matrix of ``values``, contributions to one place added up."""
+        key = self.columns * shape[0] + self.rows  # column-major, as CasADi stores
+        places, nonzero = np.unique(key, return_inverse=True)
+        weights = sp.csc_matrix(
+            (self.factor, (nonzero, self.source)), shape=(len(places), values.numel())
+        )
+        weights.sum_duplicates()
+        columns, rows = np.divmod(places, shape[0])
+        pattern = ca.Sparsity.triplet(*shape, rows.tolist(), columns.tolist())
+        return ca.MX(pattern, _casadi(weights) @ values)
+
+
+def _nonzeros(matrix: ca.SX) -> ca.SX:
+    return ca.vertcat(*matrix.nonzeros())
+
+
+def _gather(vector: ca.MX, index: Index) -> ca.MX:
+    """Entries of a vector at index (K, n), as a matrix (n, K)."""
+    count, size = index.shape
+    if size == 0:
+        return ca.MX(0, count)
+    return ca.reshape(vector[index.reshape(-1).tolist()], size, count)
+
+
+def _casadi(matrix: sp.spmatrix) -> ca.DM:
+    """A SciPy sparse matrix for CasADi."""
+    compressed = sp.csc_matrix(matrix)
+    compressed.sort_indices()
+    pattern = ca.Sparsity(
+        *compressed.shape, compressed.indptr.tolist(), compressed.indices.tolist()
+    )
+    return ca.DM(pattern, compressed.data)

@@ -1,0 +1,167 @@
+"""Physical quantities that the constraints and costs speak of, all linear in the variables.
+
+A quantity vector is q = C·[x; p] + c with decision variables x and parameters p. The element
+functions of constraints and costs are written in q, and the assembly carries their derivatives
+over to x through the constant C.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from lmtr.expert.initial_guess import SWING_SPEED
+from lmtr.expert.layout import Layout
+from lmtr.expert.settings import ExpertSettings
+from lmtr.expert.variables import END_POINTS, variable_layout
+from lmtr.robot.model import N_FEET
+from lmtr.spline.bspline import knot_acceleration, knot_velocity, value_weights
+from lmtr.trajectory.trajectory import BASE_STEP
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+MAX_OBSTACLES = 4
+"""Lines that one problem has room for; those not used have weight zero."""
+
+
+def parameter_layout(settings: ExpertSettings) -> Layout:
+    """Blocks of the parameter vector: whatever may change without building the problem anew.
+
+    start, goal: Base position (m) and roll, pitch, yaw (rad) at rest.
+    start_feet, nominal_feet: x, y of the first footholds in the world and of the neutral ones in
+        the base frame (m), by slot.
+    reference: x, y of the points that moments are taken about, one per base node (m).
+    lines: Unit normal and offset n·p of each obstacle, and its weight.
+    Weights of the costs, and the proximal damping ρ.
+    """
+    return Layout(
+        {
+            "start": (6,),
+            "goal": (6,),
+            "start_feet": (N_FEET, 2),
+            "nominal_feet": (N_FEET, 2),
+            "reference": (settings.scope.n_nodes, 2),
+            "lines": (MAX_OBSTACLES, 4),
+            "proximal": (),
+            **dict.fromkeys(type(settings.costs).model_fields, ()),
+        }
+    )
+
+
+def quantity_layout(settings: ExpertSettings) -> Layout:
+    """Blocks of the quantity vector.
+
+    position, rpy: Base (m, rad) every ``range_of_motion_step``, from 0 to T̄.
+    rpy_rate, acceleration, rpy_acceleration: At the base nodes, in 1/s and 1/s².
+    times, forces: The variables of that name.
+    footholds: x, y of every stance (m), by slot.
+    middle: Position of the middle of each swing (m), by slot.
+    middle_slope: Its horizontal velocity times half the swing's duration (m), by slot.
+    swing_offset, swing_drift: The variables of that name.
+    """
+    scope = settings.scope
+    samples = round(scope.duration / settings.range_of_motion_step) + 1
+    return Layout(
+        {
+            "position": (samples, 3),
+            "rpy": (samples, 3),
+            "rpy_rate": (scope.n_nodes, 3),
+            "acceleration": (scope.n_nodes, 3),
+            "rpy_acceleration": (scope.n_nodes, 3),
+            "times": (N_FEET, 2 * scope.n_swings),
+            "footholds": (N_FEET, scope.n_stances, 2),
+            "middle": (N_FEET, scope.n_swings, 3),
+            "middle_slope": (N_FEET, scope.n_swings, 2),
+            "swing_offset": (N_FEET, scope.n_swings, 3),
+            "swing_drift": (N_FEET, scope.n_swings, 2),
+            "forces": (N_FEET, 2 * scope.n_stances + 4, 3),
+        }
+    )
+
+
+@dataclass(frozen=True)
+class LinearMap:
+    """q = of_variables·x + of_parameters·p + constant, as sparse matrices."""
+
+    of_variables: sp.csr_matrix
+    of_parameters: sp.csr_matrix
+    constant: Array
+
+
+class _Rows:
+    """Collects the rows of q = C·v + c."""
+
+    def __init__(self, n_rows: int, n_columns: int) -> None:
+        self._entries: list[tuple[Index, Index, Array]] = []
+        self.shape = (n_rows, n_columns)
+        self.constant = np.zeros(n_rows)
+
+    def add(self, rows: Index, columns: Index, weight: float) -> None:
+        """Add ``weight``·v[columns] to q[rows], elementwise."""
+        columns = np.broadcast_to(columns, rows.shape)
+        self._entries.append(
+            (rows.reshape(-1), columns.reshape(-1), np.full(rows.size, float(weight)))
+        )
+
+    def matrix(self) -> sp.csr_matrix:
+        rows, columns, weights = (np.concatenate(part) for part in zip(*self._entries, strict=True))
+        matrix = sp.csr_matrix((weights, (rows, columns)), shape=self.shape)
+        matrix.sum_duplicates()
+        matrix.eliminate_zeros()
+        return matrix
+
+
+def linear_map(settings: ExpertSettings) -> LinearMap:
+    """The constant map from variables and parameters to quantities."""
+    x, p = variable_layout(settings.scope), parameter_layout(settings)
+    quantities = quantity_layout(settings)
+    rows = _Rows(quantities.size, x.size + p.size)
+    _add_base(rows, quantities, x, p, settings)
+    _add_swings(rows, quantities, x, p, settings)
+    for name in ("times", "swing_offset", "swing_drift", "forces"):
+        rows.add(quantities[name], x[name], 1.0)
+    matrix = rows.matrix()
+    return LinearMap(matrix[:, : x.size].tocsr(), matrix[:, x.size :].tocsr(), rows.constant)
+
+
+def _add_base(
+    rows: _Rows, quantities: Layout, x: Layout, p: Layout, settings: ExpertSettings
+) -> None:
+    start, goal = (np.tile(p[name] + x.size, (END_POINTS, 1)) for name in ("start", "goal"))
+    control = np.concatenate([start, x["control"], goal])  # columns of all control points
+    count = quantities["position"].shape[0]
+    per_knot = round(BASE_STEP / settings.range_of_motion_step)
+    knot, part = np.divmod(np.arange(count), per_knot)
+    values = np.concatenate([quantities["position"], quantities["rpy"]], axis=1)
+    for remainder in range(per_knot):
+        chosen = np.flatnonzero(part == remainder)
+        for k, weight in enumerate(value_weights(remainder / per_knot)):
+            # The last knot has no fourth control point, nor any weight on it.
+            columns = control[np.minimum(knot[chosen] + k, len(control) - 1)]
+            rows.add(values[chosen], columns, weight)
+    before, at, after = control[:-2], control[1:-1], control[2:]
+    unit = np.eye(3)
+    acceleration = np.concatenate(
+        [quantities["acceleration"], quantities["rpy_acceleration"]], axis=1
+    )
+    for k, columns in enumerate((before, at, after)):
+        rows.add(
+            quantities["rpy_rate"], columns[:, 3:], knot_velocity(unit[k, 0], unit[k, 2], BASE_STEP)
+        )
+        rows.add(acceleration, columns, knot_acceleration(*unit[k], BASE_STEP))
+
+
+def _add_swings(
+    rows: _Rows, quantities: Layout, x: Layout, p: Layout, settings: ExpertSettings
+) -> None:
+    feet = np.concatenate([p["start_feet"][:, None] + x.size, x["footholds"]], axis=1)
+    rows.add(quantities["footholds"], feet, 1.0)
+    middle, slope = quantities["middle"], quantities["middle_slope"]
+    rows.add(middle, x["swing_offset"], 1.0)
+    rows.constant[middle[..., 2]] = settings.scope.clearance
+    rows.add(slope, x["swing_drift"], 0.5)
+    for stance, sign in ((feet[:, :-1], -1.0), (feet[:, 1:], 1.0)):
+        rows.add(middle[..., :2], stance, 0.5)
+        rows.add(slope, stance, 0.5 * SWING_SPEED * sign)
