@@ -13,8 +13,10 @@ from lmtr.expert.solve import Solution
 from lmtr.quality.filter import Verdict
 from lmtr.quality.measure import Violations
 from lmtr.robot.model import N_FEET
+from lmtr.rollout.summary import Estimate, ReplannerSummary
 from lmtr.task.sampling import Noise
 from lmtr.task.task import Task
+from lmtr.trajectory.motion import Footholds, Motion
 from lmtr.trajectory.trajectory import FORCE_PIECES, Trajectory
 
 Array = NDArray[np.float64]
@@ -22,6 +24,17 @@ Row = dict[str, Any]
 
 TRAJECTORY_COLUMNS = tuple(field.name for field in fields(Trajectory))
 """Columns of ``solutions`` that hold a trajectory in native nodes, row-major."""
+
+MOTION_COLUMNS: tuple[tuple[str, str, tuple[int, ...]], ...] = (
+    ("base_pos_W", "base_position_W", (3,)),
+    ("base_rpy", "base_rpy", (3,)),
+    ("base_linvel_W", "base_velocity_W", (3,)),
+    ("base_angvel_W", "base_angular_velocity_W", (3,)),
+    ("foot_pos_W", "foot_position_W", (N_FEET, 3)),
+    ("foot_force_W", "foot_force_W", (N_FEET, 3)),
+    ("foot_contact", "contact", (N_FEET,)),
+)
+"""Column, attribute of :class:`Motion` and shape per sample of each sampled quantity."""
 
 
 def task_columns(task: Task, noise: Noise) -> Row:
@@ -107,6 +120,62 @@ def error_columns(message: str) -> Row:
 def now() -> datetime:
     """The present time, UTC."""
     return datetime.now(UTC)
+
+
+def motion_columns(motion: Motion) -> Row:
+    """A sampled motion as columns; times in s, everything else in SI units and world frame."""
+    holds = motion.footholds
+    return {
+        "t": motion.times.tolist(),
+        **{
+            column: np.asarray(getattr(motion, name)).ravel().tolist()
+            for column, name, _ in MOTION_COLUMNS
+        },
+        "foothold_foot": holds.foot.tolist(),
+        "foothold_x": holds.position_W[:, 0].tolist(),
+        "foothold_y": holds.position_W[:, 1].tolist(),
+        "foothold_touchdown": holds.touchdown.tolist(),
+        "foothold_liftoff": holds.liftoff.tolist(),
+    }
+
+
+def motion_of(row: Mapping[str, Any]) -> Motion:
+    """The motion of a row of ``rollouts``."""
+    count = len(row["t"])
+    return Motion(
+        times=np.array(row["t"]),
+        **{
+            name: np.array(row[column]).reshape(count, *shape)
+            for column, name, shape in MOTION_COLUMNS
+        },
+        footholds=Footholds(
+            foot=np.array(row["foothold_foot"], dtype=np.intp),
+            position_W=np.stack([row["foothold_x"], row["foothold_y"]], axis=-1),
+            touchdown=np.array(row["foothold_touchdown"]),
+            liftoff=np.array(row["foothold_liftoff"]),
+        ),
+    )
+
+
+def summary_metrics(summary: ReplannerSummary) -> dict[str, float]:
+    """A replanner's summary as named numbers in SI units; ``_low`` and ``_high`` bound 95 %."""
+    performance = summary.performance
+    metrics: dict[str, float] = {
+        "rollouts": float(performance.motions),
+        "diverged": float(summary.diverged),
+        "obstacles_crossed": float(performance.obstacles_crossed),
+        "velocity_jump": summary.velocity_jump,
+        "foot_jump": summary.foot_jump,
+        "disagreement_share": summary.disagreement_share,
+        "plan_seconds": summary.plan_seconds,
+    }
+    for field in fields(performance):
+        estimate = getattr(performance, field.name)
+        if isinstance(estimate, Estimate):
+            metrics[field.name] = estimate.value
+            metrics[f"{field.name}_low"] = estimate.low
+            metrics[f"{field.name}_high"] = estimate.high
+    return metrics
 
 
 def to_json(value: object) -> str:
