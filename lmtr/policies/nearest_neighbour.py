@@ -110,7 +110,7 @@ class TaskIndex:
     ) -> tuple[Array, Indices]:
         """The k nearest of the candidates (B, C) in double precision, ties by lower row."""
         rows = self._index.reconstruct_batch(candidates.reshape(-1))
-        rows = rows.reshape(*candidates.shape, -1).astype(np.float64)
+        rows = rows.reshape(*candidates.shape, len(self._used)).astype(np.float64)
         distances = np.abs(rows - queries[:, None, :]).sum(axis=-1)
         order = np.lexsort((candidates, distances), axis=-1)[:, :k]
         return (
