@@ -1,0 +1,24 @@
+"""Selection of rollouts from records that hold one entry each along their arrays' first axis."""
+
+from dataclasses import fields, is_dataclass, replace
+from typing import Any, TypeVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+Record = TypeVar("Record")
+
+
+def taken(record: Record, rows: NDArray[np.intp] | NDArray[np.bool_]) -> Record:
+    """The same record of the chosen ``rows`` only; records inside it are cut alike.
+
+    Args:
+        record: A dataclass of arrays (n, ...) and of such dataclasses.
+        rows: Indices or a mask along the first axis.
+    """
+    whole = cast(Any, record)
+    chosen: dict[str, Any] = {}
+    for field in fields(whole):
+        value = getattr(whole, field.name)
+        chosen[field.name] = taken(value, rows) if is_dataclass(value) else value[rows]
+    return cast(Record, replace(whole, **chosen))

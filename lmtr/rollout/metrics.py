@@ -1,0 +1,108 @@
+"""Obstacle avoidance and kinematic limits of one motion (Sec. 5.2).
+
+They judge a :class:`~lmtr.trajectory.motion.Motion` among obstacle lines, whatever made it: a
+rollout, or an expert solution as the line of reference.
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmtr.geometry.line import signed_distance
+from lmtr.geometry.rotation import rotation_matrix
+from lmtr.robot.model import N_FEET, RobotModel
+from lmtr.rollout.settings import Criteria
+from lmtr.trajectory.motion import Motion
+
+Array = NDArray[np.float64]
+
+
+def obstacle_clearances(motion: Motion, obstacles_W: Array) -> Array:
+    """Distance of each foot's closest foothold to each line that the robot has crossed.
+
+    A line counts as crossed when every foot stood first on one side of it and last on the other,
+    so one that the hind feet have yet to step over does not count.
+
+    Args:
+        motion: A motion among the lines.
+        obstacles_W: Lines (n, 3) in m and rad.
+
+    Returns:
+        (n_crossed, 4) in m, by line and foot.
+    """
+    holds = motion.footholds
+    by_foot = []
+    crossed = np.ones(len(obstacles_W), dtype=bool)
+    for foot in range(N_FEET):
+        mine = np.flatnonzero(holds.foot == foot)
+        mine = mine[np.argsort(holds.touchdown[mine], kind="stable")]
+        if len(mine) == 0:
+            return np.zeros((0, N_FEET))
+        distance = signed_distance(obstacles_W[:, None], holds.position_W[mine])
+        crossed &= distance[:, 0] * distance[:, -1] < 0.0
+        by_foot.append(np.abs(distance).min(axis=1))
+    return np.stack(by_foot, axis=-1)[crossed]
+
+
+def forward_offset(motion: Motion, robot: RobotModel) -> Array:
+    """Forward position of contacting feet relative to neutral, (M, 4) in m; NaN in swing.
+
+    Forward is the base's own x axis, by its full rotation: pitch moves the feet's range along.
+    """
+    rotation = rotation_matrix(motion.base_rpy)
+    from_base_W = motion.foot_position_W - motion.base_position_W[:, None]
+    # The first column of R is the base's x axis in the world.
+    forward = (from_base_W * rotation[:, None, :, 0]).sum(axis=-1)
+    return np.where(motion.contact, forward - robot.nominal_feet_B[:, 0], np.nan)
+
+
+def forward_violation(motion: Motion, robot: RobotModel, limit: float = 0.2) -> Array:
+    """How far contacting feet are beyond ± ``limit`` (m) forward of or behind neutral.
+
+    Returns:
+        (M, 4) in m at the motion's samples; 0 inside the range, NaN in swing.
+    """
+    return np.maximum(np.abs(forward_offset(motion, robot)) - limit, 0.0)
+
+
+@dataclass(frozen=True)
+class Tally:
+    """Sums over one motion, or over several: all rates of Sec. 5.2 are ratios of them.
+
+    Attributes:
+        crossed: Obstacle lines crossed.
+        steps: Pairs of a crossed line and a foot.
+        close_steps: Those whose closest foothold is closer than ``Criteria.clearance``.
+        contacts: Pairs of a sample and a foot in contact.
+        violation: Sum over them of the forward violation (m).
+        large_violations: Those beyond ``Criteria.large_violation``.
+        distance: Way along the world's x axis (m).
+        duration: Time covered (s).
+    """
+
+    crossed: float
+    steps: float
+    close_steps: float
+    contacts: float
+    violation: float
+    large_violations: float
+    distance: float
+    duration: float
+
+    @classmethod
+    def of(cls, motion: Motion, obstacles_W: Array, robot: RobotModel, criteria: Criteria) -> Self:
+        """Judge one motion."""
+        clearances = obstacle_clearances(motion, obstacles_W)
+        violation = forward_violation(motion, robot, criteria.forward_limit)
+        return cls(
+            crossed=float(len(clearances)),
+            steps=float(clearances.size),
+            close_steps=float((clearances < criteria.clearance).sum()),
+            contacts=float(motion.contact.sum()),
+            violation=float(np.nansum(violation)),
+            large_violations=float((violation > criteria.large_violation).sum()),
+            distance=float(motion.base_position_W[-1, 0] - motion.base_position_W[0, 0]),
+            duration=float(motion.times[-1] - motion.times[0]),
+        )

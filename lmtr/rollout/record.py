@@ -1,0 +1,62 @@
+"""What is kept of one rollout."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmtr.trajectory.motion import Motion
+
+Array = NDArray[np.float64]
+
+
+class Outcome(StrEnum):
+    """How a rollout ended: completed, or the first limit that its next window would have left."""
+
+    COMPLETED = "completed"
+    NOT_FINITE = "plan not finite"
+    HEIGHT = "base height"
+    TILT = "roll or pitch"
+    SPEED = "base speed"
+    FEET = "foot too far from neutral"
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """One rollout of C replanning cycles that were carried out.
+
+    Attributes:
+        replanner: Name of the replanner.
+        seed: Seed of the set of courses.
+        index: Which course of the set.
+        motion: The accumulated motion, sampled every 0.1 s; of a diverged rollout up to the
+            replanning time at which it diverged.
+        obstacles_W: All lines of the course, (n, 3) in m and rad.
+        outcome: Completed, or why it diverged.
+        velocity_jump: Change of the base's velocity at each replanning, (C,) in m/s.
+        foot_jump: Distance between the feet so far and in the new plan, (C, 4) in m.
+        disagreements: :class:`~lmtr.rollout.contacts.Disagreement` of each foot, (C, 4).
+        plan_seconds: Time of the batch's plan, divided by its rollouts, (C,) in s.
+    """
+
+    replanner: str
+    seed: int
+    index: int
+    motion: Motion
+    obstacles_W: Array
+    outcome: Outcome
+    velocity_jump: Array
+    foot_jump: Array
+    disagreements: NDArray[np.int8]
+    plan_seconds: Array
+
+    @property
+    def diverged(self) -> bool:
+        """Whether the rollout ended before its time."""
+        return self.outcome is not Outcome.COMPLETED
+
+    @property
+    def end_time(self) -> float:
+        """When the rollout ended (s)."""
+        return float(self.motion.times[-1])

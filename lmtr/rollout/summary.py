@@ -1,0 +1,177 @@
+"""Aggregate performance over many motions, with confidence intervals (Sec. 5.2, Fig. 4c)."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmtr.errors import DataError
+from lmtr.robot.model import RobotModel
+from lmtr.rollout.contacts import Disagreement
+from lmtr.rollout.metrics import Tally
+from lmtr.rollout.record import Outcome, Rollout
+from lmtr.rollout.settings import Criteria
+from lmtr.trajectory.motion import Motion
+
+Array = NDArray[np.float64]
+
+CONFIDENCE = 0.95
+"""Coverage of the confidence intervals."""
+
+RESAMPLES = 2000
+"""Bootstrap draws; the ends of an interval then repeat to a few hundredths of its width."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value over all motions, and its bootstrap percentile interval over motions.
+
+    Motions are drawn, not feet or samples: those of one motion depend on each other. NaN where
+    nothing was there to be judged.
+    """
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Performance:
+    """Obstacle avoidance, kinematic violation and progress of a set of motions.
+
+    Attributes:
+        motions: Motions judged.
+        obstacles_crossed: Obstacle lines crossed by all of them.
+        close_share: Share of (line, foot) pairs with the closest foothold nearer than
+            ``Criteria.clearance``.
+        mean_violation: Mean forward violation of contacting feet (m).
+        large_violation_share: Share of contacting feet beyond ``Criteria.large_violation``.
+        distance: Mean way along the world's x axis (m).
+        speed: All way over all time (m/s).
+    """
+
+    motions: int
+    obstacles_crossed: int
+    close_share: Estimate
+    mean_violation: Estimate
+    large_violation_share: Estimate
+    distance: Estimate
+    speed: Estimate
+
+
+@dataclass(frozen=True)
+class ReplannerSummary:
+    """Aggregate performance of one replanner, and how continuous its rollouts are.
+
+    Attributes:
+        replanner: Name of the replanner.
+        performance: Over all rollouts; a diverged one counts up to where it diverged.
+        diverged: Rollouts that diverged; compare performance only with this beside it.
+        reasons: How many diverged for which reason.
+        velocity_jump: Median change of the base's velocity at replanning (m/s).
+        foot_jump: Median distance between a foot so far and in the new plan (m).
+        disagreement_share: Share of (replanning, foot) pairs that disagree about the contact.
+        disagreements: How many of them are of which kind.
+        plan_seconds: Median planning time of one rollout and cycle (s).
+    """
+
+    replanner: str
+    performance: Performance
+    diverged: int
+    reasons: dict[Outcome, int]
+    velocity_jump: float
+    foot_jump: float
+    disagreement_share: float
+    disagreements: dict[Disagreement, int]
+    plan_seconds: float
+
+
+def summarise(
+    rollouts: Sequence[Rollout],
+    robot: RobotModel,
+    criteria: Criteria | None = None,
+    seed: int = 0,
+) -> ReplannerSummary:
+    """Summarise the rollouts of one replanner.
+
+    Args:
+        rollouts: All of them, diverged ones too.
+        robot: Robot whose neutral stance they are judged by.
+        criteria: Thresholds; those of the paper's evaluation unless given.
+        seed: Seed of the bootstrap draws.
+
+    Raises:
+        DataError: There are no rollouts, or those of several replanners.
+    """
+    names = sorted({rollout.replanner for rollout in rollouts})
+    if len(names) != 1:
+        raise DataError(
+            f"summary: takes the rollouts of one replanner, got those of {names}; "
+            "summarise each replanner by itself"
+        )
+    motions = [(rollout.motion, rollout.obstacles_W) for rollout in rollouts]
+    reasons = Counter(rollout.outcome for rollout in rollouts if rollout.diverged)
+    kinds = np.concatenate([rollout.disagreements.reshape(-1) for rollout in rollouts])
+    found = Counter(Disagreement(kind) for kind in kinds[kinds != Disagreement.NONE].tolist())
+    return ReplannerSummary(
+        replanner=names[0],
+        performance=performance(motions, robot, criteria, seed),
+        diverged=reasons.total(),
+        reasons=dict(reasons),
+        velocity_jump=_median([rollout.velocity_jump for rollout in rollouts]),
+        foot_jump=_median([rollout.foot_jump.reshape(-1) for rollout in rollouts]),
+        disagreement_share=found.total() / kinds.size if kinds.size else float("nan"),
+        disagreements=dict(found),
+        plan_seconds=_median([rollout.plan_seconds for rollout in rollouts]),
+    )
+
+
+def performance(
+    motions: Sequence[tuple[Motion, Array]],
+    robot: RobotModel,
+    criteria: Criteria | None = None,
+    seed: int = 0,
+) -> Performance:
+    """Judge motions, each beside its obstacle lines (n, 3): rollouts or expert solutions.
+
+    Raises:
+        DataError: There are no motions.
+    """
+    if not motions:
+        raise DataError("summary: takes at least one motion, got none; run some rollouts first")
+    criteria = criteria or Criteria()
+    tallies = [Tally.of(motion, lines, robot, criteria) for motion, lines in motions]
+    columns = np.array([astuple(tally) for tally in tallies])
+    names = [field.name for field in fields(Tally)]
+    draws = np.random.default_rng(seed).integers(len(tallies), size=(RESAMPLES, len(tallies)))
+
+    def ratio(part: str, whole: str) -> Estimate:
+        return _estimate(columns[:, names.index(part)], columns[:, names.index(whole)], draws)
+
+    return Performance(
+        motions=len(tallies),
+        obstacles_crossed=int(sum(tally.crossed for tally in tallies)),
+        close_share=ratio("close_steps", "steps"),
+        mean_violation=ratio("violation", "contacts"),
+        large_violation_share=ratio("large_violations", "contacts"),
+        distance=_estimate(columns[:, names.index("distance")], np.ones(len(tallies)), draws),
+        speed=ratio("distance", "duration"),
+    )
+
+
+def _estimate(part: Array, whole: Array, draws: NDArray[np.intp]) -> Estimate:
+    """Σ part / Σ whole over motions, resampled by ``draws`` (R, n)."""
+    if whole.sum() <= 0.0:
+        return Estimate(float("nan"), float("nan"), float("nan"))
+    drawn_part, drawn_whole = part[draws].sum(axis=1), whole[draws].sum(axis=1)
+    judged = drawn_whole > 0.0  # a draw of motions that crossed nothing says nothing
+    tail = (1.0 - CONFIDENCE) / 2.0
+    low, high = np.quantile(drawn_part[judged] / drawn_whole[judged], [tail, 1.0 - tail])
+    return Estimate(float(part.sum() / whole.sum()), float(low), float(high))
+
+
+def _median(values: list[Array]) -> float:
+    pooled = np.concatenate(values)
+    return float(np.median(pooled)) if pooled.size else float("nan")
