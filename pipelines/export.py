@@ -77,8 +77,8 @@ def export_rollouts(workspace: Workspace, out: Path, where: str | None, limit: i
     rows = _rows(workspace, "rollouts", "rollout_id", where, limit)
     with (
         _Parquet(out, ROLLOUTS) as file,
-        _Parquet(out.with_name(f"{out.name}.footholds.parquet"), FOOTHOLDS) as footholds,
-        _Parquet(out.with_name(f"{out.name}.obstacles.parquet"), OBSTACLES) as obstacles,
+        _Parquet(_beside(out, "footholds"), FOOTHOLDS) as footholds,
+        _Parquet(_beside(out, "obstacles"), OBSTACLES) as obstacles,
     ):
         for row in rows:
             rollout_id, motion = row["rollout_id"], records.motion_of(row)
@@ -104,6 +104,11 @@ def export_segments(workspace: Workspace, out: Path, where: str | None, limit: i
         for batch in batches:
             file.write(batch.cast(schema))
     return file.rows
+
+
+def _beside(out: Path, name: str) -> Path:
+    """FILE.name.parquet beside FILE.parquet."""
+    return out.with_name(f"{out.name.removesuffix('.parquet')}.{name}.parquet")
 
 
 class _Parquet:

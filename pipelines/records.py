@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmtr.expert.solve import Solution
+from lmtr.models.record import EpochRecord
 from lmtr.quality.filter import Verdict
 from lmtr.quality.measure import Violations
 from lmtr.robot.model import N_FEET
@@ -155,6 +156,19 @@ def motion_of(row: Mapping[str, Any]) -> Motion:
             liftoff=np.array(row["foothold_liftoff"]),
         ),
     )
+
+
+def learning_history(history: tuple[EpochRecord, ...]) -> list[dict[str, float]]:
+    """A training's epochs as flat records, for figures."""
+    quantities = ("loss", "reconstruction", "kl")
+    flat = []
+    for record in history:
+        row = {"epoch": float(record.epoch)}
+        row |= {f"train_{name}": getattr(record, name) for name in quantities}
+        if record.validation is not None:
+            row |= {f"validation_{name}": getattr(record.validation, name) for name in quantities}
+        flat.append(row)
+    return flat
 
 
 def summary_metrics(summary: ReplannerSummary) -> dict[str, float]:

@@ -148,7 +148,9 @@ def _record(
     with workspace.tracker.run(experiment, job.model_id, parameters, tags) as run:
         run.metrics(_learning_curve(model.history))
         run.metrics((f"best.{key}", value, 0) for key, value in metrics.items())
-        run.figure(learning_figure({job.model.name: model.history}), "learning.png")
+        run.figure(
+            learning_figure({job.label: records.learning_history(model.history)}), "learning.png"
+        )
         checkpoint.save(model, folder)
         run.artifacts(folder, "model")
         run_id = run.id

@@ -1,0 +1,105 @@
+"""What the lake says of replanners and of the expert, in the form that the report compares."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmtr.errors import DataError
+from lmtr.robot.model import RobotModel
+from lmtr.rollout.metrics import forward_violation, obstacle_clearances
+from lmtr.rollout.summary import performance
+from lmtr.trajectory.motion import sampled
+from pipelines import records
+from pipelines.workspace import Workspace
+
+Array = NDArray[np.float64]
+
+EXPERT = "expert"
+"""Label of the line of reference."""
+
+SAMPLE_STEP_S = 0.1
+"""Spacing at which Sec. 5.2 judges the range of motion."""
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Everything that is compared of one replanner, or of the expert.
+
+    Attributes:
+        label: What tables and figures call it.
+        summary: Named figures, SI units.
+        clearances: Closest foothold of each foot to each line crossed, pooled (m).
+        violations: Forward violation of each contacting foot in each sample, pooled (m).
+        example: A row of ``rollouts`` to show: the first that reached its end, or the first; empty
+            for the expert.
+    """
+
+    label: str
+    summary: dict[str, float]
+    clearances: Array
+    violations: Array
+    example: records.Row
+
+
+def evaluations(workspace: Workspace, ids: Sequence[str]) -> list[Evaluation]:
+    """Read evaluations in the order of their ids.
+
+    Raises:
+        DataError: One of them has not been made.
+    """
+    lake = workspace.lake
+    made = []
+    for evaluation_id in ids:
+        where = f"evaluation_id = '{evaluation_id}'"
+        rows = lake.read("evaluations", where=where).to_pylist()
+        if not rows:
+            raise DataError(
+                f"report: evaluation {evaluation_id} is not there; run `lmtr evaluate` with the "
+                "same configuration first"
+            )
+        pooled = lake.read("rollouts", ["clearances", "violations"], where=where, order_by="index")
+        first = lake.read(
+            "rollouts", where=where, order_by="outcome = 'diverged', index", limit=1
+        ).to_pylist()
+        made.append(
+            Evaluation(
+                label=rows[0]["replanner"],
+                summary=dict(rows[0]["summary"]),
+                clearances=_pool(pooled["clearances"].to_pylist()),
+                violations=_pool(pooled["violations"].to_pylist()),
+                example=first[0],
+            )
+        )
+    return made
+
+
+def expert_reference(rows: Sequence[records.Row], robot: RobotModel) -> Evaluation:
+    """The accepted solutions, judged as rollouts are, on the tasks they were made for."""
+    motions = [
+        (sampled(records.trajectory_of(row), SAMPLE_STEP_S), records.obstacles_of(row))
+        for row in rows
+        if row["accepted"]
+    ]
+    found = performance(motions, robot)
+    violations = [forward_violation(motion, robot)[motion.contact] for motion, _ in motions]
+    return Evaluation(
+        label=EXPERT,
+        summary={
+            "rollouts": float(found.motions),
+            "obstacles_crossed": float(found.obstacles_crossed),
+            "close_share": found.close_share.value,
+            "mean_violation": found.mean_violation.value,
+            "large_violation_share": found.large_violation_share.value,
+            "distance": found.distance.value,
+        },
+        clearances=_pool([obstacle_clearances(m, lines).ravel() for m, lines in motions]),
+        violations=_pool(violations),
+        example={},
+    )
+
+
+def _pool(lists: Sequence[Sequence[float] | Array]) -> Array:
+    arrays = [np.asarray(values, dtype=float) for values in lists]
+    return np.concatenate(arrays) if arrays else np.zeros(0)
