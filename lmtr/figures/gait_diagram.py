@@ -1,0 +1,74 @@
+"""The gait diagram of Fig. 3: coloured bars for stances, outlined white boxes for swings."""
+
+from itertools import pairwise
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from lmtr.figures.style import FOOT_COLOURS, FULL_WIDTH, INK, styled
+from lmtr.robot.model import FEET
+from lmtr.trajectory.motion import Footholds, Motion
+
+BAR_HEIGHT = 0.72
+
+
+@styled
+def gait_diagram(motion: Motion, title: str = "") -> Figure:
+    """Contact phases of all feet over time."""
+    figure = Figure(figsize=(FULL_WIDTH, 2.0), layout="constrained")
+    axes = figure.subplots()
+    draw_gait(axes, motion)
+    if title:
+        axes.set_title(title)
+    return figure
+
+
+def draw_gait(axes: Axes, motion: Motion) -> None:
+    """Draw the gait diagram of a motion, feet from top to bottom in their usual order."""
+    for row, foot in enumerate(FEET):
+        stances, swings = phases(motion.footholds, row)
+        place = (row - BAR_HEIGHT / 2.0, BAR_HEIGHT)
+        axes.broken_barh(
+            [(begin, end - begin) for begin, end in stances],
+            place,
+            facecolors=FOOT_COLOURS[foot],
+            edgecolors=FOOT_COLOURS[foot],
+            linewidth=0.8,
+            label=f"{foot} stance",
+        )
+        axes.broken_barh(
+            [(begin, end - begin) for begin, end in swings],
+            place,
+            facecolors="white",
+            edgecolors=INK,
+            linewidth=0.8,
+            label=f"{foot} swing",
+        )
+    axes.set_yticks(range(len(FEET)), FEET)
+    axes.set_ylim(len(FEET) - 0.45, -0.55)
+    axes.set_xlim(float(motion.times[0]), float(motion.times[-1]))
+    axes.set_xlabel("time (s)")
+    axes.set_ylabel("foot")
+    axes.grid(visible=False, axis="y")
+    axes.tick_params(axis="y", length=0)
+
+
+def phase_key() -> list[Patch]:
+    """Legend entries that tell stance from swing."""
+    return [
+        Patch(facecolor="#8A8A8A", edgecolor="#8A8A8A", label="stance"),
+        Patch(facecolor="white", edgecolor=INK, label="swing"),
+    ]
+
+
+def phases(
+    footholds: Footholds, foot: int
+) -> tuple[list[tuple[float, float]], list[tuple[float, float]]]:
+    """Stances of a foot, and the swings between them, as (begin, end) in s, by time."""
+    mine = footholds.foot == foot
+    stances = sorted(
+        zip(footholds.touchdown[mine].tolist(), footholds.liftoff[mine].tolist(), strict=True)
+    )
+    swings = [(before[1], after[0]) for before, after in pairwise(stances)]
+    return stances, swings

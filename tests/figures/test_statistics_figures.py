@@ -1,0 +1,200 @@
+"""Figures of data sets, learning and replanners show the numbers they are given."""
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from lmtr.errors import DataError
+from lmtr.figures.dataset import (
+    Violation,
+    cost_figure,
+    effort_figure,
+    margin_figure,
+    outcome_figure,
+    violation_figure,
+)
+from lmtr.figures.distributions import (
+    DISTANCE_BIN,
+    VIOLATION_BIN,
+    distribution_figure,
+    draw_distances,
+    draw_violations,
+)
+from lmtr.figures.learning import learning_figure
+from lmtr.figures.modes import Colouring, modes_figure
+from lmtr.figures.style import save, series_styles
+from lmtr.figures.trade_off import TradeOff, trade_off_figure
+
+RNG = np.random.default_rng(0)
+
+
+def test_outcome_bars_are_the_counts_sorted():
+    figure = outcome_figure(75, {"drift": 3, "cost": 20})
+    bars = figure.axes[0].patches
+    assert [bar.get_width() for bar in bars] == [75, 20, 3]
+    assert [t.get_text() for t in figure.axes[0].get_yticklabels()] == ["accepted", "cost", "drift"]
+
+
+def test_cost_histogram_counts_every_solution_once():
+    accepted, rejected = RNG.gamma(9.0, 0.3, 300), RNG.gamma(20.0, 0.3, 100)
+    figure = cost_figure(accepted, [*rejected, np.nan], limit=6.0)
+    heights = sum(patch.get_height() for patch in figure.axes[0].patches)
+    assert heights == 400  # stacked; the unsolved one has no cost
+    assert "rejected (100)" in figure.axes[0].get_legend_handles_labels()[1]
+
+
+def test_effort_bins_hold_whole_iterations():
+    iterations = RNG.integers(20, 200, 500)
+    axes = effort_figure(RNG.gamma(9.0, 0.07, 500), iterations).axes[1]
+    widths = {round(patch.get_width(), 9) for patch in axes.patches}
+    assert len(widths) == 1
+    assert float(widths.pop()).is_integer()
+    assert sum(patch.get_height() for patch in axes.patches) == 500
+    median = next(line for line in axes.lines if line.get_label().startswith("median"))
+    assert median.get_xdata()[0] == np.median(iterations)
+
+
+def test_violation_curves_end_at_all_solutions_and_tell_the_share_beyond():
+    values = np.linspace(0.0, 0.1, 101)
+    figure = violation_figure(
+        {"drift": Violation(values, "m", 0.0801), "slip": Violation(values, "m")}
+    )
+    drift, slip = figure.axes
+    assert drift.get_title(loc="left") == "limit 0.0801 m: 19.8 % beyond"
+    assert slip.get_title(loc="left") == ""
+    for axes in (drift, slip):
+        curve = axes.lines[0]
+        assert curve.get_ydata()[-1] == 100.0
+        assert (np.diff(curve.get_xdata()) >= 0.0).all()
+
+
+def test_margins_are_shares_of_lines():
+    figure = margin_figure(np.abs(RNG.normal(0, 0.04, 200)), RNG.normal(0.23, 0.03, 50))
+    heights = [patch.get_height() for patch in figure.axes[0].patches]
+    assert sum(heights) == pytest.approx(200.0)  # two histograms of 100 % each
+    assert "(cm)" in figure.axes[0].get_xlabel()
+
+
+def stairs(axes):
+    return {
+        patch.get_label().split(":")[0]: patch.get_data()
+        for patch in axes.patches
+        if hasattr(patch, "get_data")
+    }
+
+
+def test_distance_densities_have_area_one_and_give_the_close_share():
+    data = {"unimodal": np.abs(RNG.normal(0, 0.1, 900)), "LMTR-6": RNG.gamma(20, 0.02, 700)}
+    axes = Figure().subplots()
+    draw_distances(axes, data, 0.05, series_styles(data))
+    curves = stairs(axes)
+    assert set(curves) == set(data)
+    for density, edges, _ in curves.values():
+        assert (density * np.diff(edges)).sum() == pytest.approx(1.0)
+        np.testing.assert_allclose(np.diff(edges), DISTANCE_BIN)
+    share = 100.0 * np.mean(data["unimodal"] < 0.05)
+    assert f"unimodal: {share:.1f} % under 5 cm" in axes.get_legend_handles_labels()[1]
+
+
+def test_violation_areas_are_the_share_of_violating_samples():
+    values = np.where(RNG.random(20_000) < 0.03, RNG.exponential(0.02, 20_000), 0.0)
+    axes = Figure().subplots()
+    draw_violations(axes, {"library": values}, 0.05, series_styles(["library"]))
+    ((density, _, _),) = stairs(axes).values()
+    assert density.sum() * VIOLATION_BIN == pytest.approx(np.mean(values > 0.0))
+    assert axes.get_ylim()[1] < 3.0 * density.max()  # zoomed: zeros do not set the scale
+
+
+def test_replanner_without_any_violation_is_still_drawn():
+    data = {"expert": np.full(50, 0.2)}
+    figure = distribution_figure(data, {"expert": np.zeros(80)})
+    figure.canvas.draw()
+    density, _, _ = stairs(figure.axes[1])["expert"]
+    assert (density == 0.0).all()
+
+
+def test_distributions_must_name_the_same_replanners():
+    with pytest.raises(DataError, match="same replanners"):
+        distribution_figure({"a": np.ones(3)}, {"b": np.ones(3)})
+    with pytest.raises(DataError, match="no finite value"):
+        distribution_figure({"a": [np.nan]}, {"a": [0.0]})
+
+
+def history(n):
+    return [
+        {"epoch": k, "train_loss": 1.0 / k, "validation_loss": 2.0 / k, "validation_kl": float(k)}
+        for k in range(1, n + 1)
+    ]
+
+
+def test_learning_curves_are_the_records():
+    figure = learning_figure({"LMTR-3": history(5), "LMTR-6": history(3)})
+    loss, kl = figure.axes
+    assert loss.get_yscale() == "log"
+    assert kl.get_yscale() == "linear"
+    curves = {line.get_label(): line.get_ydata() for line in loss.lines}
+    np.testing.assert_allclose(curves["LMTR-3, validation"], 2.0 / np.arange(1, 6))
+    np.testing.assert_allclose(curves["LMTR-6, train"], 1.0 / np.arange(1, 4))
+    assert [line.get_label() for line in kl.lines] == ["LMTR-3, validation", "LMTR-6, validation"]
+
+
+def test_trade_off_points_are_at_their_place_in_per_cent():
+    figure = trade_off_figure(
+        {"library": [TradeOff(0.163, 1.77, "w = 1, 1"), TradeOff(0.033, 2.55)]}
+    )
+    points = next(line for line in figure.axes[0].lines if line.get_label() == "library")
+    np.testing.assert_allclose(points.get_xydata(), [[3.3, 2.55], [16.3, 1.77]])
+
+
+def test_modes_are_shown_along_the_dimensions_in_use():
+    modes = RNG.normal(size=(60, 5)) * [0.1, 1.0, 0.01, 2.0, 0.02]
+    stride = Colouring("stride (m)", modes[:, 1])
+    foot = Colouring("first foot", RNG.integers(0, 4, 60), is_foot=True)
+    figure = modes_figure(modes, [stride, foot], dimensions=(1, 3))
+    panel = figure.axes[0]
+    np.testing.assert_allclose(panel.collections[0].get_offsets(), modes[:, [1, 3]])
+    np.testing.assert_allclose(panel.collections[0].get_array(), stride.values)
+    solid = modes_figure(modes, [stride]).axes[0]
+    assert [solid.get_xlabel(), solid.get_ylabel(), solid.get_zlabel()] == [
+        "$z_{1}$ (–)",
+        "$z_{2}$ (–)",
+        "$z_{4}$ (–)",
+    ]
+
+
+@pytest.mark.parametrize(
+    "draw",
+    [
+        lambda: outcome_figure(0, {}),
+        lambda: cost_figure([], []),
+        lambda: effort_figure([], [3]),
+        lambda: violation_figure({}),
+        lambda: margin_figure([np.nan], []),
+        lambda: distribution_figure({}, {}),
+        lambda: learning_figure({"LMTR-3": []}),
+        lambda: trade_off_figure({"library": []}),
+        lambda: modes_figure(np.zeros((4, 1)), [Colouring("x (m)", np.zeros(4))]),
+        lambda: modes_figure(np.zeros((4, 3)), []),
+        lambda: modes_figure(np.zeros((4, 3)), [Colouring("x (m)", np.zeros(3))]),
+    ],
+)
+def test_nothing_to_draw_is_refused(draw):
+    with pytest.raises(DataError):
+        draw()
+
+
+def test_every_axis_of_statistics_has_a_label(tmp_path):
+    figures = [
+        outcome_figure(5, {"cost": 2}),
+        cost_figure([1.0, 2.0], [3.0]),
+        effort_figure([0.5, 0.6], [40, 50]),
+        margin_figure([0.01], [0.2]),
+        distribution_figure({"a": [0.1, 0.2]}, {"a": [0.0, 0.01]}),
+        learning_figure({"LMTR-3": history(3)}),
+        trade_off_figure({"a": [TradeOff(0.1, 1.0)]}),
+    ]
+    for k, figure in enumerate(figures):
+        for axes in figure.axes:
+            assert axes.get_xlabel()
+            assert axes.get_ylabel() or axes.get_yticklabels()[0].get_text() == "accepted"
+        assert save(figure, tmp_path / f"{k}.png", resolution=40).stat().st_size > 1000
