@@ -69,6 +69,11 @@ def test_a_line_counts_only_once_all_feet_have_crossed_it():
     assert obstacle_clearances(motion, np.zeros((0, 3))).shape == (0, 4)
 
 
+def test_a_line_that_the_robot_stepped_back_over_is_not_crossed():
+    motion = walked([(0.0, 1.2, 0.5), (0.0, 1.2), (0.0, 1.2), (0.0, 1.2)])
+    assert obstacle_clearances(motion, np.array([[1.0, 0.0, SQUARE]])).shape == (0, 4)
+
+
 def test_clearances_do_not_depend_on_where_the_world_has_its_origin():
     motion = walked([(0.0, 0.9, 1.2), (0.0, 1.04, 1.3), (0.2, 0.7, 1.5), (0.0, 0.5, 1.01)])
     moved = still(

@@ -15,7 +15,9 @@ from lmtr.rollout.settings import PlausibleRange, RolloutSettings
 from lmtr.rollout.starts import draw_starts
 from lmtr.rollout.testbed import run_rollouts
 from lmtr.trajectory.motion import sampled
+from lmtr.trajectory.trajectory import Trajectory
 from lmtr.vectors.layout import SEGMENT_LAYOUT, TASK_LAYOUT
+from lmtr.vectors.segment_vector import encode_segment
 
 FIRST_EPOCH = 0.5
 
@@ -153,12 +155,12 @@ class Breaking:
     name, nbytes = "breaking", 0
 
     def __init__(self, oracle, spoil):
-        self.oracle, self.spoil, self.sizes = oracle, spoil, []
+        self.oracle, self.spoil, self.tasks = oracle, spoil, []
 
     def plan(self, x):
         tau = self.oracle.plan(x)
-        self.sizes.append(len(x))
-        if self.oracle.cycle == 5:
+        self.tasks.append(x)
+        if self.oracle.cycle == 5 and self.spoil is not None:
             tau[1] = self.spoil(tau[1])
         return tau if len(x) == 3 else tau[[0, 2]]
 
@@ -201,10 +203,14 @@ def test_a_rollout_that_leaves_the_plausible_range_ends_and_the_others_go_on(
     assert len(ended.velocity_jump) == len(ended.disagreements) == len(ended.plan_seconds) == 4
     assert ended.motion.footholds.liftoff.max() <= 1.2 + 1e-12
     assert np.isfinite(ended.motion.base_position_W).all()
-    assert breaking.sizes == [3] * 5 + [2] * 15, "a rollout that ended must not be planned for"
 
     oracle.cycle = 0
-    whole = run_rollouts(oracle, courses, oracle.windows(0), short, ANYMAL)
+    unbroken = Breaking(oracle, None)
+    whole = run_rollouts(unbroken, courses, oracle.windows(0), short, ANYMAL)
+    # A rollout that ended is not planned for, and the others' tasks remain their own.
+    assert len(breaking.tasks) == len(unbroken.tasks) == 20
+    for tasks, expected in zip(breaking.tasks[5:], unbroken.tasks[5:], strict=True):
+        np.testing.assert_array_equal(tasks, expected[[0, 2]])
     assert_equal_motions(rollouts[2].motion, whole[2].motion)
     np.testing.assert_array_equal(
         ended.motion.base_position_W, whole[1].motion.base_position_W[:13]
@@ -222,6 +228,50 @@ def test_a_plan_that_fails_at_once_leaves_the_start(oracle, short):
     rollouts = run_rollouts(Broken(), courses, oracle.windows(0), short, ANYMAL)
     assert all(r.outcome is Outcome.NOT_FINITE for r in rollouts)
     assert all(len(r.motion.times) == 1 and r.end_time == 0.0 for r in rollouts)
+
+
+class Marching:
+    """Marches on the spot: all feet swing together in every other cycle, from end to end of it."""
+
+    name, nbytes = "marching", 0
+
+    def __init__(self):
+        self.cycle = 0
+
+    def plan(self, x):
+        nodes = np.zeros((9, 2, 6))
+        nodes[:, 0, 2] = ANYMAL.nominal_height
+        swings = self.cycle % 2 == 1
+        times = np.array([-0.3, 0.0, 0.3, 0.9] if swings else [0.0, 0.3, 0.6, 0.9])
+        step = np.array([0.02 * (self.cycle + 1), 0.0, 0.0])
+        feet = ANYMAL.nominal_feet_B * np.array([1.0, 1.0, 0.0])
+        self.cycle += 1
+        segment = Trajectory(
+            base_start=np.zeros(()),
+            base_nodes=nodes,
+            contact_times=np.tile(times, (4, 1)),
+            footholds=np.stack([feet, feet + step], axis=1),
+            swing_nodes=np.concatenate([feet, np.zeros((4, 2))], axis=-1)[:, None],
+            force_nodes=np.zeros((4, 2, 3, 2, 3)),
+        )
+        return np.tile(encode_segment(segment), (len(x), 1))
+
+
+def test_contact_changes_on_replanning_times_happen_once_and_without_disagreement():
+    settings, marching = RolloutSettings(duration=2.4), Marching()
+    start = Marching().plan(np.zeros((1, 35)))
+    rollout = run_rollouts(marching, random_courses(settings, 0, [0]), start, settings, ANYMAL)[0]
+    holds = rollout.motion.footholds
+    assert not rollout.disagreements.any()
+    for foot in range(4):
+        mine = holds.foot == foot
+        np.testing.assert_allclose(holds.touchdown[mine], [0.0, 0.6, 1.2, 1.8, 2.4], atol=1e-12)
+        np.testing.assert_allclose(holds.liftoff[mine], [0.3, 0.9, 1.5, 2.1, 2.4], atol=1e-12)
+        forward = holds.position_W[mine, 0] - ANYMAL.nominal_feet_B[foot, 0]
+        np.testing.assert_allclose(forward, [0.0, 0.04, 0.08, 0.12, 0.16], atol=1e-12)
+    stands = np.repeat([True, False] * 4, 3)
+    np.testing.assert_array_equal(rollout.motion.contact[:-1], np.tile(stands[:, None], (1, 4)))
+    assert rollout.motion.contact[-1].all()
 
 
 def test_progress_is_reported_after_every_cycle(oracle, short):

@@ -89,6 +89,13 @@ def test_the_distance_from_the_planned_swing_is_halved_half_way_to_touchdown():
     np.testing.assert_allclose(distance[0, 2:], 0.0, atol=1e-15)
 
 
+def test_a_low_foot_under_a_high_descending_swing_does_not_dig_into_the_ground():
+    before = instant(False, FEET_S[None] + np.array([0.1, 0.0, 0.002]), since=0.3)
+    window = carry_out(plan_with((-0.9, -0.35, 0.2, 1.2), height=0.0), before, RolloutSettings())
+    assert not window.samples.contact[0, 1].any()
+    assert (window.samples.foot_position_W[0, 1, :, 2] == 0.0).all()
+
+
 def planned_at_epoch(plan):
     return sample_feet(plan, np.zeros((1, 1))).position[:, 0]
 
