@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, ImageColor
 from pydantic import BaseModel, ConfigDict, Field
 
 from lmtr.errors import ConfigurationError
@@ -210,18 +210,19 @@ def _write_gif(film: "_Film", path: Path, interval: float) -> None:
 
 
 def _palette(picture: Image.Image) -> Image.Image:
-    """A palette for pictures like this one, in which the house colours are exact.
+    """An image with a palette for pictures like this one, in which the house colours are exact.
 
     Median cut gives colours their place by the area they cover, and an arrow covers little.
     """
-    named = ("white", *FOOT_COLOURS.values(), FORCE, PYRAMID, LIMIT_BOX, OBSTACLE, INK)
-    width, height = picture.size
-    sheet = Image.new("RGB", (width, 2 * height))
-    sheet.paste(picture, (0, 0))
-    for k, colour in enumerate(named):
-        left, right = (width * n // len(named) for n in (k, k + 1))
-        sheet.paste(colour, (left, height, right, 2 * height))
-    return sheet.quantize(GIF_COLOURS)
+    house = ("#FFFFFF", *FOOT_COLOURS.values(), FORCE, PYRAMID, LIMIT_BOX, OBSTACLE, INK)
+    exact = np.array([ImageColor.getrgb(name) for name in house])
+    median_cut = picture.quantize(GIF_COLOURS - len(house)).getpalette("RGB")
+    drawn = np.array(median_cut).reshape(-1, 3)
+    # Pillow looks colours up coarsely: one that is nearly a house colour would be taken for it.
+    apart = np.abs(drawn[:, None] - exact).max(axis=-1).min(axis=-1) > 8
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(np.concatenate([exact, drawn[apart]]).ravel().tolist())
+    return palette
 
 
 def _write_mp4(film: "_Film", path: Path, interval: float) -> None:

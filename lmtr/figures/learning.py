@@ -84,6 +84,7 @@ def _draw(axes: Axes, history: History, quantity: str, name: str, style: SeriesS
             color=style.colour,
             linestyle=style.line,
             linewidth=width,
+            marker="." if len(points) == 1 else "",
             alpha=alpha,
             label=f"{name}, {part}",
         )

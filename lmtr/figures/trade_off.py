@@ -56,8 +56,9 @@ def trade_off_figure(
             axes.annotate(
                 point.note,
                 (100.0 * point.close_share, point.violation),
-                xytext=(6, 4),
+                xytext=(0, 7),
                 textcoords="offset points",
+                ha="center",
                 fontsize=8,
                 color=style.colour,
             )

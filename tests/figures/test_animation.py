@@ -40,6 +40,7 @@ def test_gif_has_one_picture_per_time_step_and_plays_in_true_time(walk, tmp_path
         for k in range(film.n_frames):
             film.seek(k)
             pictures.append(np.asarray(film.convert("RGB"), dtype=int))
+    assert (pictures[0][0, 0] == 255).all()  # a pure white page
     changes = [np.abs(b - a).sum() for a, b in pairwise(pictures)]
     assert min(changes) > 0
 
