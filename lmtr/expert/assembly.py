@@ -16,13 +16,11 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from lmtr.expert.element import Element
+from lmtr.expert.layout import Index
 from lmtr.expert.quantities import LinearMap
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
+from lmtr.expert.scatter import Scatter, to_casadi
 
 
 @dataclass(frozen=True)
@@ -84,8 +82,8 @@ class Assembly:
         self._x = ca.MX.sym("x", n_variables)
         self._p = ca.MX.sym("p", n_parameters)
         self._q = (
-            _casadi(linear.of_variables) @ self._x
-            + _casadi(linear.of_parameters) @ self._p
+            to_casadi(linear.of_variables) @ self._x
+            + to_casadi(linear.of_parameters) @ self._p
             + ca.DM(linear.constant)
         )
 
@@ -124,7 +122,7 @@ class Assembly:
         ]
         used = [(symbol, value) for symbol, value in arguments if symbol.numel()]
         function = ca.Function(
-            f"{element.name}_{label}", [symbol for symbol, _ in used], [ca.densify(output)]
+            f"{element.name}_{label}", [symbol for symbol, _ in used], [ca.cse(ca.densify(output))]
         )
         mapped = function.map(len(where))(*[value for _, value in used])
         return ca.vec(mapped)
@@ -149,7 +147,7 @@ class Assembly:
             (np.ones(len(target)), (target, np.arange(len(target)))),
             shape=(self._n_rows, len(target)),
         )
-        return _casadi(scatter) @ ca.vertcat(*values)
+        return to_casadi(scatter) @ ca.vertcat(*values)
 
     def _gradient(self) -> ca.MX:
         values, targets = [], []
@@ -164,7 +162,7 @@ class Assembly:
             (np.ones(len(target)), (target, np.arange(len(target)))),
             shape=(self._linear.of_variables.shape[0], len(target)),
         )
-        return _casadi(self._linear.of_variables.T @ scatter) @ ca.vertcat(*values)
+        return to_casadi(self._linear.of_variables.T @ scatter) @ ca.vertcat(*values)
 
     def _jacobian(self) -> ca.MX:
         values, rows, columns = [], [], []
@@ -179,7 +177,7 @@ class Assembly:
             values.append(self._map(element, "jacobian", _nonzeros(jacobian)))
             rows.append(item.rows[:, row].reshape(-1))
             columns.append(element.instances.quantities[:, column].reshape(-1))
-        scatter = _Scatter(np.concatenate(rows), np.concatenate(columns))
+        scatter = Scatter(np.concatenate(rows), np.concatenate(columns))
         expanded = scatter.through_columns(self._linear.of_variables)
         return expanded.matrix((self._n_rows, self._x.numel()), ca.vertcat(*values))
 
@@ -201,10 +199,12 @@ class Assembly:
             values.append(self._map(element, "hessian", _nonzeros(hessian), *extra))
             rows.append(element.instances.quantities[:, row].reshape(-1))
             columns.append(element.instances.quantities[:, column].reshape(-1))
-        scatter = _Scatter(np.concatenate(rows), np.concatenate(columns))
+        every = Scatter(np.concatenate(rows), np.concatenate(columns))
+        # The four feet share the base's quantities: add them up before the chain rule.
+        scatter, summed = every.summed(ca.vertcat(*values))
         expanded = scatter.as_symmetric().congruent(self._linear.of_variables)
         size = self._x.numel()
-        return expanded.matrix((size, size), ca.vertcat(*values))
+        return expanded.matrix((size, size), summed)
 
 
 def _curvature(element: Element) -> tuple[ca.SX, tuple[ca.SX, ca.SX]]:
@@ -221,67 +221,6 @@ def _curvature(element: Element) -> tuple[ca.SX, tuple[ca.SX, ca.SX]]:
     return lam_f * cost + rows, (lam_f, lam)
 
 
-class _Scatter:
-    """Where each value of a long vector goes in a sparse matrix, and with which factor.
-
-    Stored as one entry per contribution: (row, column) += factor · value[source].
-    """
-
-    def __init__(
-        self, rows: Index, columns: Index, source: Index | None = None, factor: Array | None = None
-    ) -> None:
-        self.rows, self.columns = rows, columns
-        self.source = np.arange(len(rows)) if source is None else source
-        self.factor = np.ones(len(rows)) if factor is None else factor
-
-    def through_columns(self, linear: sp.csr_matrix) -> "_Scatter":
-        """M ↦ M·C."""
-        count = np.diff(linear.indptr)[self.columns]
-        entry = np.repeat(np.arange(len(self.rows)), count)
-        begin = np.repeat(linear.indptr[self.columns], count)
-        within = np.arange(len(entry)) - np.repeat(np.cumsum(count) - count, count)
-        place = begin + within
-        return _Scatter(
-            self.rows[entry],
-            linear.indices[place].astype(np.intp),
-            self.source[entry],
-            self.factor[entry] * linear.data[place],
-        )
-
-    def transposed(self) -> "_Scatter":
-        return _Scatter(self.columns, self.rows, self.source, self.factor)
-
-    def as_symmetric(self) -> "_Scatter":
-        """Both triangles of a symmetric matrix given by one."""
-        off = self.rows != self.columns
-        return _Scatter(
-            np.concatenate([self.rows, self.columns[off]]),
-            np.concatenate([self.columns, self.rows[off]]),
-            np.concatenate([self.source, self.source[off]]),
-            np.concatenate([self.factor, self.factor[off]]),
-        )
-
-    def congruent(self, linear: sp.csr_matrix) -> "_Scatter":
-        """Upper triangle of Cᵀ·M·C."""
-        both = self.through_columns(linear).transposed().through_columns(linear)
-        upper = both.rows <= both.columns
-        return _Scatter(
-            both.rows[upper], both.columns[upper], both.source[upper], both.factor[upper]
-        )
-
-    def matrix(self, shape: tuple[int, int], values: ca.MX) -> ca.MX:
-        """The sparse matrix of ``values``, contributions to one place added up."""
-        key = self.columns * shape[0] + self.rows  # column-major, as CasADi stores
-        places, nonzero = np.unique(key, return_inverse=True)
-        weights = sp.csc_matrix(
-            (self.factor, (nonzero, self.source)), shape=(len(places), values.numel())
-        )
-        weights.sum_duplicates()
-        columns, rows = np.divmod(places, shape[0])
-        pattern = ca.Sparsity.triplet(*shape, rows.tolist(), columns.tolist())
-        return ca.MX(pattern, _casadi(weights) @ values)
-
-
 def _nonzeros(matrix: ca.SX) -> ca.SX:
     return ca.vertcat(*matrix.nonzeros())
 
@@ -292,13 +231,3 @@ def _gather(vector: ca.MX, index: Index) -> ca.MX:
     if size == 0:
         return ca.MX(0, count)
     return ca.reshape(vector[index.reshape(-1).tolist()], size, count)
-
-
-def _casadi(matrix: sp.spmatrix) -> ca.DM:
-    """A SciPy sparse matrix for CasADi."""
-    compressed = sp.csc_matrix(matrix)
-    compressed.sort_indices()
-    pattern = ca.Sparsity(
-        *compressed.shape, compressed.indptr.tolist(), compressed.indices.tolist()
-    )
-    return ca.DM(pattern, compressed.data)

@@ -10,41 +10,38 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
+from lmtr.expert.context import Context
 from lmtr.expert.element import Element, Instances, instances, symbols
-from lmtr.expert.layout import Layout
+from lmtr.expert.layout import Index
 from lmtr.expert.quantities import MAX_OBSTACLES
-from lmtr.expert.settings import ExpertSettings
 from lmtr.expert.variables import stance_points
-from lmtr.robot.model import N_FEET, RobotModel
+from lmtr.robot.model import N_FEET
 from lmtr.trajectory.trajectory import BASE_STEP
 
 Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
-def costs(
-    robot: RobotModel, settings: ExpertSettings, quantities: Layout, parameters: Layout
-) -> list[Element]:
-    """All costs but that on foot offsets."""
-    per_knot = round(BASE_STEP / settings.range_of_motion_step)
-    position, rpy = quantities["position"][::per_knot], quantities["rpy"][::per_knot]
+def costs(context: Context) -> list[Element]:
+    """All costs but that on foot offsets, and the damping of the Hessian."""
+    quantities, nodes = context.quantities, slice(None, None, context.samples_per_knot)
+    position, rpy = quantities["position"][nodes], quantities["rpy"][nodes]
     points = quantities["forces"].reshape(-1, 3)
 
     def squares(name: str, chosen: Index, unit: float, target: float = 0.0) -> Element:
-        return _squares(name, chosen, parameters, unit, target)
+        return _squares(name, chosen, context.parameters[name], unit, target)
 
     return [
         squares("acceleration", quantities["acceleration"], BASE_STEP),
         squares("angular_acceleration", quantities["rpy_acceleration"], BASE_STEP),
         squares("tilt", rpy[:, :2], BASE_STEP),
-        squares("height", position[:, 2:], BASE_STEP, robot.nominal_height),
+        squares("height", position[:, 2:], BASE_STEP, context.robot.nominal_height),
         squares("horizontal_force", points[:, :2], 1.0),
         squares("swing_offset", quantities["swing_offset"].reshape(-1, 3), 1.0),
         squares("swing_drift", quantities["swing_drift"].reshape(-1, 2), 1.0),
-        *_force_roughness(settings, quantities, parameters),
-        _obstacles(settings, quantities, parameters),
-        _proximal(quantities["times"].reshape(-1, 1), "proximal_times", parameters),
-        _proximal(quantities["footholds"][:, 1:].reshape(-1, 2), "proximal_footholds", parameters),
+        *_force_roughness(context),
+        _obstacles(context),
+        _proximal("proximal_times", quantities["times"].reshape(-1, 1), context),
+        _proximal("proximal_footholds", quantities["footholds"][:, 1:].reshape(-1, 2), context),
     ]
 
 
@@ -52,46 +49,40 @@ def _weighted(chosen: Index, weight: Index) -> Instances:
     return instances([chosen], [np.broadcast_to(weight, (len(chosen), 1))])
 
 
-def _squares(name: str, chosen: Index, parameters: Layout, unit: float, target: float) -> Element:
+def _squares(name: str, chosen: Index, weight: Index, unit: float, target: float) -> Element:
     """Weight · unit · Σ (quantity − target)²."""
-    where = _weighted(chosen, parameters[name])
+    where = _weighted(chosen, weight)
     inputs = symbols(where)
     cost = inputs.parameters * unit * ca.sumsqr(inputs.quantities - target)
     return Element(name, inputs, where, cost=cost, cost_name=name)
 
 
-def _force_roughness(
-    settings: ExpertSettings, quantities: Layout, parameters: Layout
-) -> list[Element]:
+def _force_roughness(context: Context) -> list[Element]:
     """Mean squared slope and curvature of each stance's cubics over their unit times."""
-    points = quantities["forces"]
-    last = settings.scope.n_stances - 1
+    points, last = context.quantities["forces"], context.settings.scope.n_swings
+    kinds = {"first": [0], "middle": list(range(1, last)), "last": [last]}
     elements = []
-    for stances in ([0], list(range(1, last)), [last]):
-        if not stances:
-            continue
-        chosen = np.stack(
-            [
-                points[slot, stance_points(stance, last + 1)].reshape(-1)
-                for slot in range(N_FEET)
-                for stance in stances
-            ]
-        )
-        label = "first" if stances[0] == 0 else "last" if stances[0] == last else "middle"
+    for kind, stances in kinds.items():
+        chosen = [
+            points[slot, stance_points(stance, last + 1)].reshape(-1)
+            for slot in range(N_FEET)
+            for stance in stances
+        ]
         for name, order in (("force_slope", 1), ("force_curvature", 2)):
-            where = _weighted(chosen, parameters[name])
-            inputs = symbols(where)
-            cost = inputs.parameters * _roughness(inputs.quantities, label, order)
-            elements.append(Element(f"{name}_{label}", inputs, where, cost=cost, cost_name=name))
+            if chosen:  # with a single swing no stance lies between two
+                where = _weighted(np.stack(chosen), context.parameters[name])
+                inputs = symbols(where)
+                cost = inputs.parameters * _roughness(inputs.quantities, kind, order)
+                elements.append(Element(f"{name}_{kind}", inputs, where, cost=cost, cost_name=name))
     return elements
 
 
-def _roughness(points: ca.SX, label: str, order: int) -> ca.SX:
+def _roughness(points: ca.SX, kind: str, order: int) -> ca.SX:
     """∫₀¹ |dⁿf/duⁿ|² du of the two cubics of a stance, summed."""
     free = ca.vertsplit(points, 3)
-    zero = [ca.SX.zeros(3)] * 2
-    first = (zero if label != "first" else []) + free + (zero if label != "last" else [])
-    p0, p1, before, after, p5, p6 = first
+    before_free = [] if kind == "first" else [ca.SX.zeros(3)] * 2
+    after_free = [] if kind == "last" else [ca.SX.zeros(3)] * 2
+    p0, p1, before, after, p5, p6 = [*before_free, *free, *after_free]
     middle = 0.5 * (before + after)
     gram = _bezier_gram(order)
     total = ca.SX(0.0)
@@ -109,18 +100,18 @@ def _bezier_gram(order: int) -> Array:
     return np.array([[(a * b).integ()(1.0) for b in slopes] for a in slopes])
 
 
-def _obstacles(settings: ExpertSettings, quantities: Layout, parameters: Layout) -> Element:
+def _obstacles(context: Context) -> Element:
     """Potential weight·exp(−d²/2σ²) of every free foothold at distance d from every line.
 
     Its curvature enters the Hessian by magnitude, |f''|, for a foothold near a line sits on top
     of the potential, where the true one would send the step towards the line.
     """
-    feet = quantities["footholds"][:, 1:].reshape(-1, 2)
-    lines = parameters["lines"]
+    feet = context.quantities["footholds"][:, 1:].reshape(-1, 2)
+    lines = context.parameters["lines"]
     where = instances([np.repeat(feet, MAX_OBSTACLES, axis=0)], [np.tile(lines, (len(feet), 1))])
     inputs = symbols(where)
     normal, offset, weight = ca.vertsplit(inputs.parameters, [0, 2, 3, 4])
-    variance = settings.obstacle_sigma**2
+    variance = context.settings.obstacle_sigma**2
     distance = ca.dot(normal, inputs.quantities) - offset
     potential = weight * ca.exp(-(distance**2) / (2.0 * variance))
     curvature = potential * ca.fabs(distance**2 / variance - 1.0) / variance
@@ -134,9 +125,9 @@ def _obstacles(settings: ExpertSettings, quantities: Layout, parameters: Layout)
     )
 
 
-def _proximal(chosen: Index, name: str, parameters: Layout) -> Element:
+def _proximal(name: str, chosen: Index, context: Context) -> Element:
     """No cost, but the Hessian of ½ρ·Δ² around every iterate."""
-    where = _weighted(chosen, parameters["proximal"])
+    where = _weighted(chosen, context.parameters["proximal"])
     inputs = symbols(where)
     damping = inputs.parameters * ca.SX.eye(chosen.shape[1])
     return Element(name, inputs, where, cost_hessian=damping)

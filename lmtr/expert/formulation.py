@@ -18,22 +18,17 @@ from lmtr.expert.constraints.dynamics import dynamics
 from lmtr.expert.constraints.friction import friction
 from lmtr.expert.constraints.range_of_motion import range_of_motion
 from lmtr.expert.constraints.timing import timing
+from lmtr.expert.context import Context
 from lmtr.expert.costs import costs
 from lmtr.expert.element import ConstraintGroup
 from lmtr.expert.initial_guess import InitialGuess
-from lmtr.expert.layout import Layout
-from lmtr.expert.quantities import (
-    MAX_OBSTACLES,
-    linear_map,
-    parameter_layout,
-    quantity_layout,
-)
+from lmtr.expert.layout import Index, Layout
+from lmtr.expert.quantities import MAX_OBSTACLES, linear_map
 from lmtr.expert.settings import ExpertSettings
-from lmtr.expert.timing import Windows, windows
+from lmtr.expert.timing import Windows
 from lmtr.expert.variables import variable_layout
 from lmtr.robot.model import RobotModel
 from lmtr.task.task import Task
-from lmtr.trajectory.trajectory import BASE_STEP
 
 Array = NDArray[np.float64]
 
@@ -65,29 +60,22 @@ class Formulation:
 
 def formulate(robot: RobotModel, settings: ExpertSettings) -> Formulation:
     """Build the problem."""
-    quantities, parameters = quantity_layout(settings), parameter_layout(settings)
-    timing_windows = windows(settings)
-    variables = variable_layout(settings.scope)
-    groups = [
-        dynamics(robot, settings, timing_windows, quantities, parameters),
-        range_of_motion(robot, settings, timing_windows, quantities, parameters),
-        timing(settings, quantities),
-        friction(robot, quantities),
-    ]
+    context = Context.of(robot, settings)
+    groups = [dynamics(context), range_of_motion(context), timing(context), friction(context)]
     rows = Layout({group.name: group.lower.shape for group in groups})
-    placed = _placed(groups, rows)
-    placed += [Placed(element, 0) for element in costs(robot, settings, quantities, parameters)]
-    assembly = Assembly(placed, linear_map(settings), rows.size, parameters.size)
-    lower, upper = _bounds(robot, settings, timing_windows, variables)
+    placed = [*_placed(groups, rows), *(Placed(element, 0) for element in costs(context))]
+    assembly = Assembly(placed, linear_map(settings), rows.size, context.parameters.size)
+    variables = variable_layout(settings.scope)
+    lower, upper = _bounds(context, variables)
     return Formulation(
         variables=variables,
-        parameters=parameters,
+        parameters=context.parameters,
         rows=rows,
         lower=lower,
         upper=upper,
         rows_lower=np.concatenate([group.lower for group in groups]),
         rows_upper=np.concatenate([group.upper for group in groups]),
-        windows=timing_windows,
+        windows=context.windows,
         functions=assembly.assemble(),
     )
 
@@ -98,41 +86,23 @@ def _placed(groups: list[ConstraintGroup], rows: Layout) -> list[Placed]:
     ]
 
 
-def _bounds(
-    robot: RobotModel, settings: ExpertSettings, timing_windows: Windows, variables: Layout
-) -> tuple[Array, Array]:
+def _bounds(context: Context, variables: Layout) -> tuple[Array, Array]:
     """Simple bounds; those on control points bound the whole splines (convex hull)."""
-    limits = settings.limits
-    control_low = np.full(variables["control"].shape, -np.inf)
-    control_low[:, 2] = robot.nominal_height - limits.height
-    control_low[:, 3:5] = -limits.tilt
-    control_high = -control_low
-    control_high[:, 2] = robot.nominal_height + limits.height
-    force_low = np.full(variables["forces"].shape, -np.inf)
-    force_low[..., 2] = 0.0
-    force_high = np.full(variables["forces"].shape, np.inf)
-    force_high[..., 2] = limits.force
-    offset_low = np.full(variables["swing_offset"].shape, -np.inf)
-    offset_low[..., 2] = limits.swing_height[0] - settings.scope.clearance
-    offset_high = np.full(variables["swing_offset"].shape, np.inf)
-    offset_high[..., 2] = limits.swing_height[1] - settings.scope.clearance
-    low = {
-        "control": control_low,
-        "times": timing_windows.earliest[:, 1:-1],
-        "footholds": -np.inf,
-        "swing_offset": offset_low,
-        "swing_drift": -np.inf,
-        "forces": force_low,
-    }
-    high = {
-        "control": control_high,
-        "times": timing_windows.latest[:, 1:-1],
-        "footholds": np.inf,
-        "swing_offset": offset_high,
-        "swing_drift": np.inf,
-        "forces": force_high,
-    }
-    return variables.pack(low), variables.pack(high)
+    settings, nominal_height = context.settings, context.robot.nominal_height
+    limits, clearance = settings.limits, settings.scope.clearance
+    lower, upper = np.full(variables.size, -np.inf), np.full(variables.size, np.inf)
+
+    def bound(index: Index, low: Array | float, high: Array | float) -> None:
+        lower[index], upper[index] = low, high
+
+    control = variables["control"]
+    bound(control[:, 2], nominal_height - limits.height, nominal_height + limits.height)
+    bound(control[:, 3:5], -limits.tilt, limits.tilt)
+    bound(variables["times"], context.windows.earliest[:, 1:-1], context.windows.latest[:, 1:-1])
+    bound(variables["forces"][..., 2], 0.0, limits.force)
+    low, high = limits.swing_height
+    bound(variables["swing_offset"][..., 2], low - clearance, high - clearance)
+    return lower, upper
 
 
 def parameter_values(
@@ -148,15 +118,14 @@ def parameter_values(
     for line, (x, y, alpha) in zip(lines, task.obstacles_W, strict=False):
         normal = np.array([-np.sin(alpha), np.cos(alpha)])
         line[:] = *normal, normal @ np.array([x, y]), settings.obstacle_weight
-    return parameters.pack(
-        {
-            "start": guess.control_points[0],
-            "goal": guess.control_points[-1],
-            "start_feet": task.start_feet_W[order],
-            "nominal_feet": robot.nominal_feet_B[order, :2],
-            "reference": guess.trajectory.base_nodes[:, 0, :2],
-            "lines": lines,
-            "proximal": settings.solver.proximal,
-            **settings.costs.model_dump(),
-        }
-    )
+    blocks: dict[str, Array | float] = {
+        "start": guess.control_points[0],
+        "goal": guess.control_points[-1],
+        "start_feet": task.start_feet_W[order],
+        "nominal_feet": robot.nominal_feet_B[order, :2],
+        "reference": guess.trajectory.base_nodes[:, 0, :2],
+        "lines": lines,
+        "proximal": settings.solver.proximal,
+        **settings.costs.model_dump(),
+    }
+    return parameters.pack(blocks)

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from lmtr.expert.initial_guess import SWING_SPEED
-from lmtr.expert.layout import Layout
+from lmtr.expert.layout import Index, Layout
 from lmtr.expert.settings import ExpertSettings
 from lmtr.expert.variables import END_POINTS, variable_layout
 from lmtr.robot.model import N_FEET
@@ -20,7 +20,6 @@ from lmtr.spline.bspline import knot_acceleration, knot_velocity, value_weights
 from lmtr.trajectory.trajectory import BASE_STEP
 
 Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 MAX_OBSTACLES = 4
 """Lines that one problem has room for; those not used have weight zero."""
@@ -141,16 +140,14 @@ def _add_base(
             # The last knot has no fourth control point, nor any weight on it.
             columns = control[np.minimum(knot[chosen] + k, len(control) - 1)]
             rows.add(values[chosen], columns, weight)
-    before, at, after = control[:-2], control[1:-1], control[2:]
-    unit = np.eye(3)
+    before_at_after = control[:-2], control[1:-1], control[2:]
     acceleration = np.concatenate(
         [quantities["acceleration"], quantities["rpy_acceleration"]], axis=1
     )
-    for k, columns in enumerate((before, at, after)):
-        rows.add(
-            quantities["rpy_rate"], columns[:, 3:], knot_velocity(unit[k, 0], unit[k, 2], BASE_STEP)
-        )
-        rows.add(acceleration, columns, knot_acceleration(*unit[k], BASE_STEP))
+    for columns, (before, at, after) in zip(before_at_after, np.eye(3), strict=True):
+        velocity_weight = knot_velocity(before, after, BASE_STEP)
+        rows.add(quantities["rpy_rate"], columns[:, 3:], velocity_weight)
+        rows.add(acceleration, columns, knot_acceleration(before, at, after, BASE_STEP))
 
 
 def _add_swings(

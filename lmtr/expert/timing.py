@@ -14,9 +14,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Windows:
-    """Earliest and latest contact changes by slot, (4, 2·N̄_p + 2) each in s.
+    """Nominal, earliest and latest contact changes by slot, (4, 2·N̄_p + 2) each in s.
 
-    ``nominal`` is the middle of the windows. The first column is the start of the first stance, the last one the end of the last stance,
+    The first column is the start of the first stance, the last one the end of the last stance,
     both exact.
     """
 

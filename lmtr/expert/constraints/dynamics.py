@@ -12,45 +12,41 @@ Rows are in weights and in weights times ``LEVER_ARM``.
 import casadi as ca
 import numpy as np
 
-from lmtr.expert.element import ConstraintGroup, Element, instances, symbols
+from lmtr.expert.context import Context
+from lmtr.expert.element import (
+    ConstraintGroup,
+    Element,
+    Instances,
+    instances,
+    symbols,
+)
 from lmtr.expert.gating import stance_force
-from lmtr.expert.layout import Layout
-from lmtr.expert.settings import ExpertSettings
-from lmtr.expert.timing import Windows
+from lmtr.expert.layout import Index
 from lmtr.expert.variables import stance_points
 from lmtr.geometry.rotation import rate_rows, rate_rows_derivative, rotation_rows
 from lmtr.robot.model import GRAVITY, N_FEET, RobotModel
 from lmtr.trajectory.trajectory import BASE_STEP
 
+FIRST, MIDDLE, LAST = range(3)
+"""Kinds of stances: the first begins and the last ends with a force of its own."""
+
 LEVER_ARM = 0.3
 """Unit of moments over the weight (m): the size of the legs' lever arms."""
 
 
-def dynamics(
-    robot: RobotModel,
-    settings: ExpertSettings,
-    windows: Windows,
-    quantities: Layout,
-    parameters: Layout,
-) -> ConstraintGroup:
+def dynamics(context: Context) -> ConstraintGroup:
     """Six equality rows per base node."""
-    nodes = settings.scope.n_nodes
+    nodes = context.settings.scope.n_nodes
     rows = np.arange(nodes * 6).reshape(nodes, 6)
-    elements = [_base(robot, settings, quantities, parameters, rows)]
-    elements += _contacts(robot, settings, windows, quantities, parameters, rows)
+    elements = [_base(context, rows), *_contacts(context, rows)]
     zero = np.zeros(nodes * 6)
     return ConstraintGroup("dynamics", elements, zero, zero)
 
 
-def _base(
-    robot: RobotModel,
-    settings: ExpertSettings,
-    quantities: Layout,
-    parameters: Layout,
-    rows: np.ndarray,
-) -> Element:
+def _base(context: Context, rows: Index) -> Element:
     """Minus the change of momentum, in weights."""
-    per_knot = round(BASE_STEP / settings.range_of_motion_step)
+    robot, quantities = context.robot, context.quantities
+    per_knot = context.samples_per_knot
     where = instances(
         [
             quantities["position"][::per_knot],
@@ -59,7 +55,7 @@ def _base(
             quantities["acceleration"],
             quantities["rpy_acceleration"],
         ],
-        [parameters["reference"]],
+        [context.parameters["reference"]],
         rows=[rows],
     )
     inputs = symbols(where)
@@ -73,8 +69,8 @@ def _base(
 
 def _angular_momentum_rate(robot: RobotModel, rpy: ca.SX, rate: ca.SX, second: ca.SX) -> ca.SX:
     """d/dt(I_W ω) = R·(I_B ω̇_B + ω_B × I_B ω_B) in N·m, where ω̇_B is Rᵀω̇_W."""
-    rotation = _matrix(rotation_rows(*ca.vertsplit(rpy), ca))
-    _, pitch, yaw = ca.vertsplit(rpy)
+    roll, pitch, yaw = ca.vertsplit(rpy)
+    rotation = _matrix(rotation_rows(roll, pitch, yaw, ca))
     _, pitch_rate, yaw_rate = ca.vertsplit(rate)
     rates = _matrix(rate_rows(pitch, yaw, ca))
     rates_derivative = _matrix(rate_rows_derivative(pitch, yaw, pitch_rate, yaw_rate, ca))
@@ -88,55 +84,56 @@ def _matrix(rows: list[list[ca.SX]]) -> ca.SX:
     return ca.vertcat(*[ca.horzcat(*row) for row in rows])
 
 
-def _contacts(
-    robot: RobotModel,
-    settings: ExpertSettings,
-    windows: Windows,
-    quantities: Layout,
-    parameters: Layout,
-    rows: np.ndarray,
-) -> list[Element]:
+def _contacts(context: Context, rows: Index) -> list[Element]:
     """Forces of first, middle and last stances: three elements, for their ends differ."""
-    scope = settings.scope
+    scope = context.settings.scope
     met: dict[int, list[tuple[int, int, int]]] = {}
     for node in range(scope.n_nodes):
         for slot in range(N_FEET):
-            for stance in windows.stances_met(slot, node * BASE_STEP):
-                kind = 0 if stance == 0 else 2 if stance == scope.n_stances - 1 else 1
+            for stance in context.windows.stances_met(slot, node * BASE_STEP):
+                kind = FIRST if stance == 0 else LAST if stance == scope.n_swings else MIDDLE
                 met.setdefault(kind, []).append((node, slot, stance))
-    times, points = quantities["times"], quantities["forces"]
     elements = []
     for kind, triples in sorted(met.items()):
         node, slot, stance = np.array(triples).T
-        changes = [] if kind == 0 else [times[slot, 2 * stance - 1]]
-        changes += [] if kind == 2 else [times[slot, 2 * stance]]
-        pushes = np.stack(
-            [
-                points[i, stance_points(j, scope.n_stances)]
-                for i, j in zip(slot, stance, strict=True)
-            ]
-        )
-        where = instances(
-            [*changes, quantities["footholds"][slot, stance], pushes],
-            [parameters["reference"][node]],
-            [node * BASE_STEP],
-            [rows[node]],
-        )
-        elements.append(_contact(robot, scope.duration, kind, len(changes), where))
+        where = _contact_instances(context, kind, node, slot, stance, rows)
+        elements.append(_contact(context, kind, where))
     return elements
 
 
-def _contact(robot: RobotModel, duration: float, kind: int, n_changes: int, where) -> Element:  # noqa: ANN001
+def _contact_instances(
+    context: Context, kind: int, node: Index, slot: Index, stance: Index, rows: Index
+) -> Instances:
+    """Inputs: the stance's variable contact changes, its foothold, its force points."""
+    times, points = context.quantities["times"], context.quantities["forces"]
+    begin = [] if kind == FIRST else [times[slot, 2 * stance - 1]]
+    end = [] if kind == LAST else [times[slot, 2 * stance]]
+    n_stances = context.settings.scope.n_stances
+    pushes = np.stack(
+        [points[i, stance_points(j, n_stances)] for i, j in zip(slot, stance, strict=True)]
+    )
+    return instances(
+        [*begin, *end, context.quantities["footholds"][slot, stance], pushes],
+        [context.parameters["reference"][node]],
+        [node * BASE_STEP],
+        [rows[node]],
+    )
+
+
+def _contact(context: Context, kind: int, where: Instances) -> Element:
+    """A foot's force and moment, zero outside its stance."""
     inputs = symbols(where)
+    n_changes = 2 if kind == MIDDLE else 1
     changes = ca.vertsplit(inputs.quantities[:n_changes])
     foothold = inputs.quantities[n_changes : n_changes + 2]
     pushes = ca.vertsplit(inputs.quantities[n_changes + 2 :], 3)
-    zero = [ca.SX.zeros(3)] * 2
-    begin = changes[0] if kind else 0.0
-    end = duration if kind == 2 else changes[-1]
-    points = (zero if kind else []) + pushes + (zero if kind < 2 else [])
-    force = stance_force(inputs.constants, begin, end, points)
-    arm = ca.vertcat(foothold - inputs.parameters, -robot.nominal_height)
+    at_rest = [ca.SX.zeros(3)] * 2
+    begin = 0.0 if kind == FIRST else changes[0]
+    end = context.settings.scope.duration if kind == LAST else changes[-1]
+    before = [] if kind == FIRST else at_rest
+    after = [] if kind == LAST else at_rest
+    force = stance_force(inputs.constants, begin, end, [*before, *pushes, *after])
+    arm = ca.vertcat(foothold - inputs.parameters, -context.robot.nominal_height)
     return Element(
         ("first_stance", "stance", "last_stance")[kind],
         inputs,

@@ -8,19 +8,18 @@ rows hold the friction law at all times, not at nodes only. That a force pushes 
 import casadi as ca
 import numpy as np
 
+from lmtr.expert.context import Context
 from lmtr.expert.element import ConstraintGroup, Element, instances, symbols
-from lmtr.expert.layout import Layout
-from lmtr.robot.model import RobotModel
 
 
-def friction(robot: RobotModel, quantities: Layout) -> ConstraintGroup:
+def friction(context: Context) -> ConstraintGroup:
     """Four rows per free Bézier point, in weights."""
-    points = quantities["forces"].reshape(-1, 3)
+    points = context.quantities["forces"].reshape(-1, 3)
     rows = np.arange(4 * len(points)).reshape(-1, 4)
     where = instances([points], rows=[rows])
     inputs = symbols(where)
     x, y, z = ca.vertsplit(inputs.quantities)
-    limit = robot.friction * z
+    limit = context.robot.friction * z
     sides = ca.vertcat(limit - x, limit + x, limit - y, limit + y)
     return ConstraintGroup(
         "friction",

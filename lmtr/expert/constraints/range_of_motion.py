@@ -7,51 +7,45 @@ the box. The same offset carries a small cost, so that feet prefer their neutral
 import casadi as ca
 import numpy as np
 
-from lmtr.expert.element import ConstraintGroup, Element, Instances, instances, symbols
+from lmtr.expert.context import Context
+from lmtr.expert.element import (
+    ConstraintGroup,
+    Element,
+    Instances,
+    instances,
+    symbols,
+)
 from lmtr.expert.gating import swing_displacement
-from lmtr.expert.layout import Layout
-from lmtr.expert.settings import ExpertSettings
-from lmtr.expert.timing import Windows
+from lmtr.expert.layout import Index
 from lmtr.geometry.rotation import rotation_rows
-from lmtr.robot.model import N_FEET, RobotModel
+from lmtr.robot.model import N_FEET
 
 
-def range_of_motion(
-    robot: RobotModel,
-    settings: ExpertSettings,
-    windows: Windows,
-    quantities: Layout,
-    parameters: Layout,
-) -> ConstraintGroup:
+def range_of_motion(context: Context) -> ConstraintGroup:
     """Three rows per sample and foot, from the first sample after the given start."""
-    step = settings.range_of_motion_step
-    count = quantities["position"].shape[0] - 1
+    step = context.settings.range_of_motion_step
+    count = context.quantities["position"].shape[0] - 1
     rows = np.arange(count * N_FEET * 3).reshape(count, N_FEET, 3)
     met: dict[int, list[tuple[int, int, int]]] = {}
     for sample in range(1, count + 1):
         for slot in range(N_FEET):
-            first, last = windows.swings_met(slot, sample * step)
+            first, last = context.windows.swings_met(slot, sample * step)
             met.setdefault(last - first, []).append((sample, slot, first))
     elements = []
     for swings, triples in sorted(met.items()):
         sample, slot, first = np.array(triples).T
-        where = _instances(swings, sample, slot, first, step, quantities, parameters, rows)
-        elements.append(_offset(robot, step, swings, where))
+        where = _instances(context, swings, sample, slot, first, rows)
+        elements.append(_offset(context, swings, where))
     ones = np.ones(rows.size)
     return ConstraintGroup("range_of_motion", elements, -ones, ones)
 
 
 def _instances(
-    swings: int,
-    sample: np.ndarray,
-    slot: np.ndarray,
-    first: np.ndarray,
-    step: float,
-    quantities: Layout,
-    parameters: Layout,
-    rows: np.ndarray,
+    context: Context, swings: int, sample: Index, slot: Index, first: Index, rows: Index
 ) -> Instances:
-    chosen: list[np.ndarray] = [quantities["position"][sample], quantities["rpy"][sample]]
+    """Inputs: base pose, times, footholds and middles of the swings that the sample can meet."""
+    quantities, parameters = context.quantities, context.parameters
+    chosen: list[Index] = [quantities["position"][sample], quantities["rpy"][sample]]
     for k in range(swings):
         chosen.append(quantities["times"][slot, 2 * (first + k)])
         chosen.append(quantities["times"][slot, 2 * (first + k) + 1])
@@ -63,14 +57,14 @@ def _instances(
     return instances(
         chosen,
         [parameters["nominal_feet"][slot], weight],
-        [sample * step],
+        [sample * context.settings.range_of_motion_step],
         [rows[sample - 1, slot]],
     )
 
 
-def _offset(robot: RobotModel, step: float, swings: int, where: Instances) -> Element:
+def _offset(context: Context, swings: int, where: Instances) -> Element:
     """Offset of a foot that may be in any of ``swings`` swings, or in a stance beside them."""
-    inputs = symbols(where)
+    robot, inputs = context.robot, symbols(where)
     q = inputs.quantities
     sizes = [3, 3, *[1] * (2 * swings), *[2] * (swings + 1), *[3, 2] * swings]
     parts = ca.vertsplit(q, np.cumsum([0, *sizes]).tolist())
@@ -89,10 +83,11 @@ def _offset(robot: RobotModel, step: float, swings: int, where: Instances) -> El
             ca.vertcat(middles[2 * k + 1], 0.0),
             feet[k + 1],
         )
-    rotation = ca.vertcat(*[ca.horzcat(*row) for row in rotation_rows(*ca.vertsplit(rpy), ca)])
+    roll, pitch, yaw = ca.vertsplit(rpy)
+    rotation = ca.vertcat(*[ca.horzcat(*row) for row in rotation_rows(roll, pitch, yaw, ca)])
     neutral_B = ca.vertcat(inputs.parameters[:2], -robot.nominal_height)
     offset = (rotation.T @ (foot - position) - neutral_B) / ca.DM(robot.range_of_motion)
-    weight = inputs.parameters[2] * step
+    weight = inputs.parameters[2] * context.settings.range_of_motion_step
     slope = ca.jacobian(offset, q)
     times = tuple(range(6, 6 + 2 * swings))
     return Element(

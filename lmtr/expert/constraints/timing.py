@@ -2,18 +2,17 @@
 
 import numpy as np
 
+from lmtr.expert.context import Context
 from lmtr.expert.element import ConstraintGroup, Element, instances, symbols
-from lmtr.expert.layout import Layout
-from lmtr.expert.settings import ExpertSettings
 from lmtr.robot.model import N_FEET
 
 
-def timing(settings: ExpertSettings, quantities: Layout) -> ConstraintGroup:
+def timing(context: Context) -> ConstraintGroup:
     """Every swing, and every stance between two swings, keeps its shortest and longest duration.
 
     First and last stances lie between a constant and a variable; their bounds are the windows'.
     """
-    times = quantities["times"]
+    times = context.quantities["times"]
     where = instances(
         [times[:, :-1].reshape(-1), times[:, 1:].reshape(-1)],
         rows=[np.arange(N_FEET * (times.shape[1] - 1))],
@@ -21,7 +20,7 @@ def timing(settings: ExpertSettings, quantities: Layout) -> ConstraintGroup:
     inputs = symbols(where)
     duration = inputs.quantities[1] - inputs.quantities[0]
     is_swing = np.arange(times.shape[1] - 1) % 2 == 0
-    limits = settings.limits
+    limits = context.settings.limits
     low, high = (np.where(is_swing, limits.swing[k], limits.stance[k]) for k in (0, 1))
     return ConstraintGroup(
         "timing",
