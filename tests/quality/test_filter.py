@@ -1,0 +1,176 @@
+"""Verdicts: each fault by its name, and the cost only beyond what the task explains."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from lmtr.errors import DataError
+from lmtr.quality.cost_model import FEATURES, CostModel, fit_cost_model, task_features
+from lmtr.quality.filter import (
+    REASONS,
+    QualityThresholds,
+    describe,
+    expected_cost,
+    judge,
+)
+from lmtr.quality.measure import Violations
+from lmtr.robot.model import ANYMAL, HYQ
+from lmtr.task.sampling import TaskDistribution, sample_task, stream
+
+LIMITS = QualityThresholds()
+SOUND = Violations(
+    linear_residual_peak=0.5,
+    linear_residual_rms=0.15,
+    angular_residual_peak=1.5,
+    angular_residual_rms=0.4,
+    drift=0.009,
+    stance_overshoot=0.01,
+    swing_overshoot=0.014,
+    friction_excess=0.0,
+    pull=0.0,
+    contact_change_force=0.0,
+    force_peak=0.9,
+    stance_slip=0.0,
+    stance_height=0.0,
+    swing_depth=0.0,
+    fewest_feet_down=2,
+    flight_time=0.0,
+    sparse_support_time=0.9,
+    stance_shortest=0.2,
+    swing_shortest=0.2,
+    swing_longest=0.5,
+    height_deviation=0.05,
+    tilt=0.13,
+    closest_footholds=(0.18, 0.2),
+)
+FAULTS = {
+    "linear_residual": {"linear_residual_peak": 4.0},
+    "angular_residual": {"angular_residual_peak": 40.0},
+    "drift": {"drift": 0.1},
+    "stance_range_of_motion": {"stance_overshoot": 0.05},
+    "swing_range_of_motion": {"swing_overshoot": 0.1},
+    "friction": {"friction_excess": 0.05},
+    "pull": {"pull": 0.05},
+    "contact_change_force": {"contact_change_force": 0.1},
+    "force_peak": {"force_peak": 2.5},
+    "slip": {"stance_slip": 0.02},
+    "off_ground": {"stance_height": 0.02},
+    "below_ground": {"swing_depth": 0.03},
+    "flight": {"flight_time": 0.2},
+    "phase_too_short": {"swing_shortest": -0.1},
+    "height": {"height_deviation": 0.3},
+    "tilt": {"tilt": 0.9},
+    "obstacle": {"closest_footholds": (0.3, 0.01)},
+}
+
+
+def verdict(violations=SOUND, status="converged", cost=3.0, expected=3.0, limits=LIMITS):
+    return judge(status, cost, expected, violations, limits)
+
+
+def tasks(count, distribution=TaskDistribution()):  # noqa: B008 - frozen settings
+    return [sample_task(distribution, ANYMAL, stream(3, k)) for k in range(count)]
+
+
+def test_a_sound_solution_is_accepted_without_reasons():
+    assert verdict().accepted
+    assert verdict().reasons == ()
+
+
+@pytest.mark.parametrize("reason", FAULTS)
+def test_each_fault_is_refused_by_its_name_alone(reason):
+    refused = verdict(replace(SOUND, **FAULTS[reason]))
+    assert not refused.accepted
+    assert refused.reasons == (reason,)
+
+
+def test_every_reason_is_tried_here_and_described():
+    assert set(REASONS) == {*FAULTS, "cost", "not_converged"}
+    for reason in (*FAULTS, "cost", "not_converged:iteration_limit"):
+        assert describe(reason).endswith(".")
+    assert "iteration limit" in describe("not_converged:iteration_limit")
+    with pytest.raises(DataError, match="'bad_luck' is unknown"):
+        describe("bad_luck")
+
+
+def test_all_reasons_are_given_the_status_first():
+    refused = verdict(replace(SOUND, pull=1.0, tilt=2.0), status="iteration_limit", cost=99.0)
+    assert refused.reasons == ("not_converged:iteration_limit", "pull", "tilt", "cost")
+
+
+def test_what_is_not_a_number_is_refused():
+    assert verdict(replace(SOUND, drift=np.nan)).reasons == ("drift",)
+    assert verdict(cost=np.nan, expected=None).reasons == ("cost",)
+
+
+def test_cost_is_judged_against_the_task_only():
+    limit = 1.0 + LIMITS.cost_excess
+    assert verdict(cost=5.0 * limit - 0.01, expected=5.0).accepted
+    assert verdict(cost=5.0 * limit + 0.01, expected=5.0).reasons == ("cost",)
+    assert verdict(cost=1000.0, expected=None).accepted
+
+
+def test_thresholds_can_be_moved_and_are_checked():
+    strict = QualityThresholds(drift=0.005)
+    assert verdict(limits=strict).reasons == ("drift",)
+    with pytest.raises(ValidationError):
+        QualityThresholds(drift=-1.0)
+    with pytest.raises(ValidationError):
+        QualityThresholds(drfit=1.0)
+
+
+def test_further_goals_are_expected_to_be_dearer():
+    near, far = (
+        tasks(1, TaskDistribution(goal_distance=(d, d), goal_lateral=0.0))[0] for d in (2.3, 3.1)
+    )
+    assert expected_cost(far, ANYMAL, LIMITS) > expected_cost(near, ANYMAL, LIMITS) > 0.0
+
+
+def test_nothing_is_expected_of_another_robot_or_when_cost_is_not_judged():
+    task = tasks(1)[0]
+    assert expected_cost(task, HYQ, LIMITS) is None
+    assert expected_cost(task, ANYMAL, QualityThresholds(judge_cost=False)) is None
+
+
+def test_features_are_those_of_the_task():
+    task = replace(
+        tasks(1)[0],
+        start_pose_W=np.array([1.0, 1.0, np.pi / 2.0]),
+        goal_pose_W=np.array([0.7, 3.0, np.pi / 2.0 + 0.2]),
+        obstacles_W=np.zeros((3, 3)),
+    )
+    feet = ANYMAL.nominal_feet_B[:, :2] + np.array([0.03, 0.04])
+    task = replace(task, start_feet_W=np.stack([1.0 - feet[:, 1], 1.0 + feet[:, 0]], axis=-1))
+    features = dict(zip(FEATURES, task_features(task, ANYMAL), strict=True))
+    expected = {
+        "distance_squared": 2.0**2 + 0.3**2,
+        "lateral": 0.3,
+        "yaw": 0.2,
+        "lines": 3.0,
+        "scatter": 0.05,
+    }
+    assert features == pytest.approx(expected)
+
+
+def test_the_fit_finds_planted_coefficients_despite_bad_solutions():
+    slopes = dict(zip(FEATURES, (1.1, 0.2, 0.0, 0.3, 2.0), strict=True))
+    true = CostModel(robot="anymal", intercept=0.3, **slopes)
+    features = np.random.default_rng(4).uniform(0.0, 3.0, (200, len(FEATURES)))
+    costs = true.predict(features) + 0.01 * np.random.default_rng(5).normal(size=200)
+    costs[::15] += 6.0  # poor local optima, seven in a hundred
+    fitted = fit_cost_model(features, costs, "anymal")
+    for name in ("intercept", *FEATURES):
+        assert getattr(fitted, name) == pytest.approx(getattr(true, name), abs=0.02), name
+
+
+def test_too_few_solves_expect_nothing():
+    assert fit_cost_model(np.ones((10, len(FEATURES))), np.ones(10), "anymal") is None
+
+
+def test_a_fit_to_broken_data_is_refused():
+    with pytest.raises(DataError, match="shape"):
+        fit_cost_model(np.ones((10, 2)), np.ones(10), "anymal")
+    with pytest.raises(DataError, match="finite"):
+        fit_cost_model(np.ones((2, len(FEATURES))), np.array([1.0, np.nan]), "anymal")
