@@ -222,7 +222,7 @@ def _curvature(element: Element) -> tuple[ca.SX, tuple[ca.SX, ca.SX]]:
 
 
 def _nonzeros(matrix: ca.SX) -> ca.SX:
-    return ca.vertcat(*matrix.nonzeros())
+    return ca.SX(ca.Sparsity.dense(matrix.nnz(), 1), matrix.nz[:])
 
 
 def _gather(vector: ca.MX, index: Index) -> ca.MX:

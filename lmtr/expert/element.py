@@ -86,7 +86,7 @@ def symbols(instances: Instances) -> Symbols:
 def instances(
     quantities: list[Index],
     parameters: list[Index] | None = None,
-    constants: list[Array] | None = None,
+    constants: list[NDArray[np.floating]] | None = None,
     rows: list[Index] | None = None,
 ) -> Instances:
     """Instances whose inputs are the columns (K, …) given, side by side."""

@@ -38,6 +38,7 @@ class Scatter:
         )
 
     def transposed(self) -> "Scatter":
+        """Mᵀ."""
         return Scatter(self.columns, self.rows, self.source, self.factor)
 
     def as_symmetric(self) -> "Scatter":
@@ -81,6 +82,9 @@ def to_casadi(matrix: sp.spmatrix) -> ca.DM:
     compressed = sp.csc_matrix(matrix)
     compressed.sort_indices()
     pattern = ca.Sparsity(
-        *compressed.shape, compressed.indptr.tolist(), compressed.indices.tolist()
+        int(compressed.shape[0]),
+        int(compressed.shape[1]),
+        compressed.indptr.tolist(),
+        compressed.indices.tolist(),
     )
     return ca.DM(pattern, compressed.data)

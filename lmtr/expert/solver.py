@@ -1,0 +1,149 @@
+"""IPOPT as the expert's solver: an adapter that turns whatever happens into an outcome.
+
+CasADi brings IPOPT, MUMPS and an OpenBLAS of its own.
+"""
+
+import time
+from dataclasses import dataclass
+from enum import StrEnum
+
+import casadi as ca
+import numpy as np
+import threadpoolctl
+from numpy.typing import NDArray
+
+from lmtr.expert.formulation import Formulation
+from lmtr.expert.settings import SolverSettings
+
+Array = NDArray[np.float64]
+
+
+class Status(StrEnum):
+    """Outcome of a solve."""
+
+    CONVERGED = "converged"
+    ITERATION_LIMIT = "iteration_limit"
+    INFEASIBLE = "infeasible"
+    DIVERGED = "diverged"
+    ERROR = "error"
+
+
+_STATUS = {
+    "Solve_Succeeded": Status.CONVERGED,
+    "Solved_To_Acceptable_Level": Status.CONVERGED,
+    "Maximum_Iterations_Exceeded": Status.ITERATION_LIMIT,
+    "Infeasible_Problem_Detected": Status.INFEASIBLE,
+    "Diverging_Iterates": Status.DIVERGED,
+    "Restoration_Failed": Status.DIVERGED,
+    "Search_Direction_Becomes_Too_Small": Status.DIVERGED,
+    "Error_In_Step_Computation": Status.DIVERGED,
+}
+
+
+class _CasadiOpenBLAS(threadpoolctl.OpenBLASController):  # type: ignore[misc]
+    """The OpenBLAS that CasADi brings, which goes by a name that threadpoolctl does not know."""
+
+    internal_api = "casadi_openblas"
+    filename_prefixes = ("libcasadi-tp-openblas",)
+
+
+threadpoolctl.register(_CasadiOpenBLAS)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What the solver says of one solve.
+
+    Attributes:
+        status: Outcome.
+        message: The solver's own name for it, or the text of its exception.
+        iterations: Iterations.
+        iterate: Last iterate; the start if there was none.
+        cpu_s: Processor time (s).
+    """
+
+    status: Status
+    message: str
+    iterations: int
+    iterate: Array
+    cpu_s: float
+
+
+class InteriorPoint:
+    """IPOPT for one formulation, with its functions as given (interpreted or compiled)."""
+
+    def __init__(
+        self, problem: Formulation, functions: dict[str, ca.Function], settings: SolverSettings
+    ) -> None:
+        self._bounds = {
+            "lbx": problem.lower,
+            "ubx": problem.upper,
+            "lbg": problem.rows_lower,
+            "ubg": problem.rows_upper,
+        }
+        x = ca.MX.sym("x", problem.variables.size)
+        p = ca.MX.sym("p", problem.parameters.size)
+        cost, constraints = functions["nlp_f"](x, p), functions["nlp_g"](x, p)
+        self._solver = ca.nlpsol(
+            "expert",
+            "ipopt",
+            {"x": x, "p": p, "f": cost, "g": constraints},
+            {
+                "grad_f": functions["nlp_grad_f"],
+                "jac_g": functions["nlp_jac_g"],
+                "hess_lag": functions["nlp_hess_lag"],
+                "no_nlp_grad": True,
+                "calc_lam_p": False,
+                "calc_f": False,
+                "print_time": False,
+                "error_on_fail": False,
+                "show_eval_warnings": False,
+                "ipopt": _ipopt_options(settings),
+            },
+        )
+        self._threads = threadpoolctl.ThreadpoolController()
+
+    def solve(self, start: Array, parameters: Array) -> Outcome:
+        """Solve from ``start``; failures of any kind are outcomes."""
+        begin = time.process_time()
+        try:
+            # The fronts of one solve are too small to share: more threads would only spin.
+            with self._threads.limit(limits=1):
+                result = self._solver(x0=start, p=parameters, **self._bounds)
+        except RuntimeError as error:
+            message = " ".join(str(error).split())
+            return Outcome(Status.ERROR, message, 0, start, time.process_time() - begin)
+        seconds = time.process_time() - begin
+        statistics = self._solver.stats()
+        message = str(statistics["return_status"])
+        return Outcome(
+            status=_STATUS.get(message, Status.ERROR),
+            message=message,
+            iterations=int(statistics["iter_count"]),
+            iterate=np.array(result["x"]).reshape(-1),
+            cpu_s=seconds,
+        )
+
+
+def _ipopt_options(settings: SolverSettings) -> dict[str, float | int | str]:
+    return {
+        "print_level": 0,
+        "sb": "yes",
+        "max_iter": settings.max_iterations,
+        "tol": settings.tolerance,
+        "constr_viol_tol": settings.constraint_tolerance,
+        # A small barrier from the start: costs are of order one and guesses near-feasible.
+        "mu_strategy": "adaptive",
+        "mu_init": 3e-3,
+        "mu_max": 1e-2,
+        "mu_min": 1e-5,
+        # Stop early where the cost has settled, at small residuals of any other kind.
+        "acceptable_tol": 1.0,
+        "acceptable_iter": settings.early_iterations,
+        "acceptable_constr_viol_tol": 1e-3,
+        "acceptable_compl_inf_tol": 1e-3,
+        "acceptable_obj_change_tol": settings.early_objective_change,
+        # Half of MUMPS's time: no scaling permutation, and a quasi-dense minimum degree ordering.
+        "mumps_permuting_scaling": 0,
+        "mumps_pivot_order": 6,
+    }
