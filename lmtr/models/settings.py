@@ -76,7 +76,7 @@ class TrainingSettings(BaseModel):
 
     epochs: Count = 80
     batch_size: Count = 512
-    learning_rate: Positive = 2e-3
+    learning_rate: Positive = 4e-3
     schedule: Literal["one_cycle", "cosine"] = "one_cycle"
     validate_every: Count = 2
     patience: Count | None = 20

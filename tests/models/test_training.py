@@ -130,6 +130,17 @@ def test_the_weights_kept_are_those_of_the_best_look(walk_segments, fork):
     np.testing.assert_array_equal(again.encode(other.tau, other.x)[0], mu)
 
 
+def test_noise_on_task_inputs_hides_what_it_drowns(fork):
+    data = fork(200, 0).data
+
+    def error(noise):
+        settings = ModelSettings(latent=0, hidden=(16, 24), task_noise=noise)
+        clear = TrainingSettings(epochs=30, batch_size=100, patience=None, device="cpu")
+        return train(settings, clear, data, data, ANYMAL).history[-1].reconstruction
+
+    assert error(10.0) > 1.1 * error(0.0)
+
+
 def test_reports_are_the_history_and_may_end_the_training(walk_segments):
     seen = []
     model = train(SMALL, BRIEF, walk_segments, walk_segments, ANYMAL, report=seen.append)

@@ -65,6 +65,16 @@ def test_more_ties_than_spare_candidates_still_give_the_lowest_row():
     assert indices.tolist() == [[20, 21, 22]] * 2
 
 
+def test_tasks_that_single_precision_cannot_tell_apart_are_still_ranked():
+    # Far away, differences of 1e-6 vanish in the sum; the last of many is the nearest.
+    count = 5 * SPARE
+    library = np.zeros((count, TASK_LAYOUT.size))
+    library[:, TASK_LAYOUT.slice("height")] = 1000.0
+    library[:, TASK_LAYOUT.slice("LF_time_since_liftoff")] = 1e-6 * np.arange(count, 0, -1)[:, None]
+    _, indices = TaskIndex(library, TaskWeights(), UNIT).query(np.zeros((1, TASK_LAYOUT.size)), 2)
+    assert indices.tolist() == [[count - 1, count - 2]]
+
+
 @pytest.mark.parametrize("category", TASK_LAYOUT.categories)
 def test_a_category_of_weight_zero_is_ignored(category):
     rng = np.random.default_rng(1)
