@@ -7,7 +7,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from lmtr.errors import DataError
-from lmtr.models.training import TrainingData
+from lmtr.models.data import TrainingData
 from lmtr.vectors.mirror import mirror_segment, mirror_task
 from pipelines.config import Configuration
 from pipelines.segment import selection
@@ -97,4 +97,4 @@ def learning_data(
 
 def _matrix(column: pa.ChunkedArray) -> Array:
     values = column.combine_chunks().flatten().to_numpy(zero_copy_only=False)
-    return values.astype(np.float64).reshape(len(column), -1)
+    return np.asarray(values, dtype=np.float64).reshape(len(column), -1)

@@ -82,13 +82,13 @@ def export(
     home: HomeOption = None,
 ) -> None:
     """Write solutions, segments or rollouts to Parquet, sampled and in SI units (docs/data.md)."""
-    from pipelines import export as exports
+    from pipelines.export import export_rollouts, export_segments, export_solutions
 
     space = options.workspace(ctx, home, create=False)
     count = {
-        Exported.SOLUTIONS: lambda: exports.export_solutions(space, out, dt, where, limit),
-        Exported.SEGMENTS: lambda: exports.export_segments(space, out, where, limit),
-        Exported.ROLLOUTS: lambda: exports.export_rollouts(space, out, where, limit),
+        Exported.SOLUTIONS: lambda: export_solutions(space, out, dt, where, limit),
+        Exported.SEGMENTS: lambda: export_segments(space, out, where, limit),
+        Exported.ROLLOUTS: lambda: export_rollouts(space, out, where, limit),
     }[what]()
     typer.echo(f"{out}: {count} rows")
 
@@ -117,9 +117,9 @@ def show(
     home: HomeOption = None,
 ) -> None:
     """Draw a solution or a rollout: top view, gait diagram, and an animation."""
-    from pipelines import show as pictures
+    from pipelines.show import show_rollout, show_solution
 
     space = options.workspace(ctx, home, create=False)
-    draw = pictures.show_solution if what is Shown.SOLUTION else pictures.show_rollout
+    draw = show_solution if what is Shown.SOLUTION else show_rollout
     for path in draw(space, name, out, animation_format=form if animation else None):
         typer.echo(path)
