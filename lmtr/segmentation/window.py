@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from lmtr.errors import DataError
 from lmtr.robot.model import N_FEET
+from lmtr.segmentation.resampling import resampled_base
 from lmtr.trajectory.sample import sample_base, sample_feet
 from lmtr.trajectory.trajectory import BASE_STEP, Trajectory
-from lmtr.vectors.layout import SEGMENT_DURATION, SEGMENT_NODES, SEGMENT_STANCES
+from lmtr.vectors.layout import SEGMENT_DURATION, SEGMENT_STANCES
 from lmtr.vectors.state import segment_frame
 
 Array = NDArray[np.float64]
@@ -65,8 +66,8 @@ def rest_time(trajectory: Trajectory) -> float:
 def cut(trajectory: Trajectory, epochs: Array) -> Trajectory:
     """The windows of one solution at several epochs, each in its segment frame and epoch time.
 
-    Feet, forces and contacts are the solution's own. So is the base for epochs on its knots;
-    between them the nine nodes are sampled from it.
+    Feet, forces and contacts are the solution's own. So is the base for epochs on its knots; for
+    others its nodes are resampled, see :mod:`lmtr.segmentation.resampling`.
 
     Args:
         trajectory: One solution (no batch axes), in any frame with z up.
@@ -92,19 +93,10 @@ def cut(trajectory: Trajectory, epochs: Array) -> Trajectory:
     changes = 2 * first + np.arange(2 * SEGMENT_STANCES)
     windows = Trajectory(
         base_start=epochs,
-        base_nodes=_base_nodes(trajectory, epochs),
+        base_nodes=resampled_base(trajectory, epochs),
         contact_times=trajectory.contact_times[feet, changes],
         footholds=trajectory.footholds[feet, stances],
         swing_nodes=trajectory.swing_nodes[feet, stances[..., :-1]],
         force_nodes=trajectory.force_nodes[feet, stances],
     )
     return windows.seen_from(segment_frame(sample_base(trajectory, epochs)), epochs)
-
-
-def _base_nodes(trajectory: Trajectory, epochs: Array) -> Array:
-    """Base nodes (E, SEGMENT_NODES, 2, 6) from each epoch on, in the trajectory's frame."""
-    times = epochs[:, None] + BASE_STEP * np.arange(SEGMENT_NODES)
-    base = sample_base(trajectory, times.reshape(-1))
-    values = np.concatenate([base.position, base.rpy], axis=-1)
-    derivatives = np.concatenate([base.velocity, base.rpy_rate], axis=-1)
-    return np.stack([values, derivatives], axis=-2).reshape((*times.shape, 2, 6))
