@@ -1,0 +1,167 @@
+"""Ray on this machine or on many: how it is started, reached and left."""
+
+import os
+import secrets
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Generator, Iterable
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Self, TypeVar
+
+from services.cluster.cluster import Cluster, Outcome
+from services.errors import ClusterError
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+OBJECT_STORE_BYTES = 250_000_000
+"""Shared memory of a Ray started here: enough for a data set, small beside a laptop's memory."""
+
+REACH_S = 45.0
+"""How long a named cluster may take to answer."""
+
+ENVIRONMENT = {
+    "RAY_USAGE_STATS_ENABLED": "0",
+    # Under `uv run` Ray would rebuild the environment in each worker and hang.
+    "RAY_ENABLE_UV_RUN_RUNTIME_ENV": "0",
+}
+
+
+class RayCluster(Cluster):
+    """Worker processes that Ray places.
+
+    A Ray that already runs in this process is shared and left running.
+    """
+
+    def __init__(self, address: str | None, workers: int | None, log_level: int) -> None:
+        self._address = address
+        self._workers = workers
+        self._log_level = log_level
+        self._size = 0
+        self._leave = ExitStack()
+
+    def __enter__(self) -> Self:
+        _prepare(self._address)
+        import ray
+
+        with ExitStack() as undo:
+            if not ray.is_initialized():
+                undo.callback(ray.shutdown)
+                if self._address is None:
+                    self._start(undo)
+                else:
+                    self._join(self._address)
+            cores = max(1, int(ray.cluster_resources().get("CPU", 1)))
+            self._size = min(self._workers or cores, cores)
+            self._leave = undo.pop_all()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._leave.close()
+
+    def stream(
+        self,
+        make_worker: Callable[[], Callable[[T], R]],
+        items: Iterable[T],
+        *,
+        in_flight: int | None = None,
+    ) -> Generator[Outcome[T, R], None, None]:
+        """See :meth:`Cluster.stream`."""
+        from services.cluster.pool import ActorPool
+
+        if not self._size:
+            raise ClusterError("cluster: it is closed; use it inside its `with` statement")
+        size = self._size if in_flight is None else max(1, min(in_flight, self._size))
+        pool: ActorPool[T, R] = ActorPool(make_worker, size)
+        yield from pool.outcomes(items)
+
+    def _start(self, undo: ExitStack) -> None:
+        import ray
+
+        # Ray's sockets lie in here, and the path of a socket may have 107 characters at most.
+        folder = tempfile.mkdtemp(prefix="lmtr-", dir="/tmp" if Path("/tmp").is_dir() else None)
+        undo.callback(shutil.rmtree, folder, ignore_errors=True)
+        # The last callback runs first: Ray must end before its folder is removed.
+        undo.callback(ray.shutdown)
+        try:
+            ray.init(
+                address="local",
+                num_cpus=self._workers,
+                include_dashboard=False,
+                object_store_memory=OBJECT_STORE_BYTES,
+                logging_level=self._log_level,
+                log_to_driver=False,
+                _temp_dir=folder,
+            )
+        except (RuntimeError, ValueError, OSError, TimeoutError) as error:
+            raise ClusterError(
+                f"cluster: Ray does not start on this machine: {' '.join(str(error).split())}; "
+                "work in this process with --workers 0"
+            ) from error
+
+    def _join(self, address: str) -> None:
+        import ray
+
+        _require_reachable(address)
+        try:
+            ray.init(address=address, logging_level=self._log_level, log_to_driver=False)
+        except (RuntimeError, ValueError, OSError) as error:
+            raise _unreachable(address, str(error)) from error
+
+
+def _prepare(address: str | None) -> None:
+    """Say in the environment, where alone Ray reads it, what must not be left to its defaults.
+
+    What the user has set there stays. A Ray started here is closed to other users of the machine
+    by a token that only its own processes know; without one in the environment Ray would write a
+    token file into the user's home, which changes what other clusters do.
+    """
+    for name, value in ENVIRONMENT.items():
+        os.environ.setdefault(name, value)
+    if "RAY_AUTH_MODE" in os.environ:
+        return
+    has_token = "RAY_AUTH_TOKEN" in os.environ or "RAY_AUTH_TOKEN_PATH" in os.environ
+    if address is None and not has_token:
+        os.environ["RAY_AUTH_TOKEN"] = secrets.token_hex(32)
+    os.environ["RAY_AUTH_MODE"] = "token" if has_token or address is None else "disabled"
+
+
+def _require_reachable(address: str) -> None:
+    """Join the cluster for a moment in a process of its own.
+
+    Ray waits for minutes for a host that does not answer, and cannot be interrupted.
+    """
+    trial = (
+        "import ray, sys\n"
+        "ray.init(address=sys.argv[1], logging_level='ERROR', log_to_driver=False)\n"
+        "ray.shutdown()\n"
+    )
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", trial, address],
+            capture_output=True,
+            text=True,
+            timeout=REACH_S,
+            check=False,
+        )
+    except subprocess.TimeoutExpired as error:
+        raise _unreachable(address, f"no answer within {REACH_S:.0f} s") from error
+    if done.returncode:
+        lines = [line for line in done.stderr.splitlines() if line.strip()]
+        raise _unreachable(address, lines[-1] if lines else f"exit status {done.returncode}")
+
+
+def _unreachable(address: str, reason: str) -> ClusterError:
+    return ClusterError(
+        f"cluster: no Ray cluster can be joined at {address!r}: {' '.join(reason.split())}; check "
+        "the address and RAY_AUTH_TOKEN, and run on one of the cluster's hosts"
+    )

@@ -1,0 +1,265 @@
+"""Tables of the lake: idempotent appends, reads of any version (Delta Lake through delta-rs)."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, TypeAlias
+from urllib.parse import unquote
+
+import pyarrow as pa
+import pyarrow.dataset as pads
+from deltalake import CommitProperties, DeltaTable, Transaction, write_deltalake
+from deltalake.exceptions import CommitFailedError, DeltaError, TableNotFoundError
+
+from services.errors import LakeError
+from services.lake.checks import conform
+from services.lake.sandbox import absent, evaluated
+from services.lake.schemas import SCHEMAS, version_of
+
+COMMIT_RETRIES = 50
+"""How often delta-rs itself tries a commit that another writer was quicker with."""
+
+CONFLICT_RETRIES = 20
+"""How often an append begins anew when another writer made the table or took the transaction."""
+
+VERSION_KEY = "lmtr.schemaVersion"
+
+BATCH_ROWS = 256
+
+Value: TypeAlias = Any
+"""A value out of a query: its statement decides the type."""
+
+
+class Lake:
+    """The tables below one folder; made when they are first appended to.
+
+    Appends are atomic and idempotent: every batch is a transaction ``(app_id, number)`` of its
+    table, whole or not there at all, and never there twice.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        # delta-rs takes %XX in a path for an escape and then looks in another folder.
+        if unquote(str(folder)) != str(folder):
+            raise LakeError(
+                f"lake {folder}: its path must hold no '%' before two hexadecimal digits; "
+                "choose another folder"
+            )
+        self.folder = folder
+
+    def tables(self) -> list[str]:
+        """Names of the tables that are there."""
+        return [name for name in SCHEMAS if self.exists(name)]
+
+    def exists(self, table: str) -> bool:
+        """Whether a table is there."""
+        return DeltaTable.is_deltatable(str(self._path(table)))
+
+    def version(self, table: str) -> int:
+        """Present version of a table; every append raises it."""
+        return self._open(table).version()
+
+    def history(self, table: str) -> list[dict[str, Any]]:
+        """The commits of a table, newest first."""
+        return self._open(table).history()
+
+    def last_transaction(self, table: str, app_id: str) -> int | None:
+        """Number of the last transaction of ``app_id``, or None before its first."""
+        return self._open(table).transaction_version(app_id) if self.exists(table) else None
+
+    def append(self, table: str, rows: pa.Table, *, app_id: str, number: int) -> bool:
+        """Append a batch as transaction ``number`` of ``app_id``.
+
+        Args:
+            table: Name of the table.
+            rows: The batch, of the table's schema.
+            app_id: Who appends; numbers count for each alone.
+            number: Must grow from batch to batch.
+
+        Returns:
+            Whether the rows were appended; False if this transaction is in already.
+
+        Raises:
+            LakeError: The rows break the schema, or the table cannot be written.
+        """
+        self._path(table)
+        checked, transaction = conform(table, rows), Transaction(app_id, number)
+        try:
+            for _ in range(CONFLICT_RETRIES):
+                with suppress(CommitFailedError):
+                    return self._append_once(table, checked, transaction)
+        except (DeltaError, OSError) as error:
+            raise self._unwritable(table, error) from error
+        raise LakeError(
+            f"table {table!r}: {CONFLICT_RETRIES} appends in a row lost against other writers of "
+            f"{app_id!r}; let one process at a time append under that name"
+        )
+
+    def read(
+        self,
+        table: str,
+        columns: Sequence[str] | None = None,
+        where: str | None = None,
+        version: int | None = None,
+        order_by: str | None = None,
+        limit: int | None = None,
+    ) -> pa.Table:
+        """Rows of a table, of the schema's types.
+
+        Args:
+            table: Name of the table.
+            columns: Which columns; all by default.
+            where: Condition in SQL.
+            version: Version of the table; the present one by default.
+            order_by: Expressions in SQL; without them the order is not defined.
+            limit: At most so many rows.
+
+        Raises:
+            LakeError: The table, version or a column is missing, or the SQL is wrong.
+        """
+        schema = self._chosen(table, columns)
+        views = {table: self._dataset(table, version)}
+        statement = _select(schema.names, table, where, order_by, limit)
+        with evaluated(views, statement) as relation:
+            return relation.to_arrow_table().cast(schema)
+
+    def batches(
+        self,
+        table: str,
+        columns: Sequence[str] | None = None,
+        where: str | None = None,
+        version: int | None = None,
+        order_by: str | None = None,
+        limit: int | None = None,
+    ) -> Iterator[pa.Table]:
+        """The same a few rows at a time, for tables that are larger than the memory."""
+        schema = self._chosen(table, columns)
+        views = {table: self._dataset(table, version)}
+        statement = _select(schema.names, table, where, order_by, limit)
+        with evaluated(views, statement) as relation:
+            for batch in relation.to_arrow_reader(BATCH_ROWS):
+                if batch.num_rows:
+                    yield pa.Table.from_batches([batch]).cast(schema)
+
+    def query_value(self, sql: str) -> Value:
+        """The first value of the first row of a query over all tables; None if there is no row."""
+        with evaluated(self.views(), sql) as relation:
+            rows = relation.limit(1).fetchall()
+        return rows[0][0] if rows else None
+
+    def views(self) -> dict[str, pads.Dataset]:
+        """All tables that are there, by name, in their present versions."""
+        return {name: self._dataset(name, None) for name in self.tables()}
+
+    def compact(self, table: str) -> None:
+        """Join the small files of many appends into few large ones.
+
+        Old files stay, so that every version can still be read.
+        """
+        try:
+            delta = self._open(table)
+            delta.optimize.compact(
+                commit_properties=CommitProperties(max_commit_retries=COMMIT_RETRIES)
+            )
+            delta.create_checkpoint()
+        except (DeltaError, OSError) as error:
+            raise self._unwritable(table, error) from error
+
+    def _append_once(self, table: str, rows: pa.Table, transaction: Transaction) -> bool:
+        delta = self._open_or_create(table)
+        done = delta.transaction_version(transaction.app_id)
+        if done is not None and done >= transaction.version:
+            return False
+        # delta-rs refuses the commit if another writer has meanwhile used this app_id.
+        properties = CommitProperties(
+            max_commit_retries=COMMIT_RETRIES, app_transactions=[transaction]
+        )
+        write_deltalake(delta, rows, mode="append", commit_properties=properties)
+        return True
+
+    def _path(self, table: str) -> Path:
+        if table not in SCHEMAS:
+            raise LakeError(f"lake: no table is called {table!r}; choose of {', '.join(SCHEMAS)}")
+        return self.folder / table
+
+    def _open(self, table: str, version: int | None = None) -> DeltaTable:
+        try:
+            delta = DeltaTable(str(self._path(table)))
+            latest = delta.version()
+            if version is not None and not 0 <= version <= latest:
+                raise LakeError(
+                    f"table {table!r} has no version {version}; choose one of 0 to {latest}"
+                )
+            if version is not None:
+                delta.load_as_version(version)
+        except TableNotFoundError as error:
+            raise LakeError(absent(table)) from error
+        except (DeltaError, OSError) as error:
+            raise LakeError(
+                f"table {table!r} cannot be read: {_line(error)}; check the files in "
+                f"{self._path(table)}"
+            ) from error
+        found, known = delta.metadata().configuration.get(VERSION_KEY), version_of(SCHEMAS[table])
+        if found != known:
+            raise LakeError(
+                f"table {table!r} is of schema version {found}, this LMTR knows {known}; use the "
+                "LMTR that made it, or another home"
+            )
+        return delta
+
+    def _open_or_create(self, table: str) -> DeltaTable:
+        if not self.exists(table):
+            schema = SCHEMAS[table]
+            self._path(table).mkdir(parents=True, exist_ok=True)
+            DeltaTable.create(
+                str(self._path(table)),
+                schema,
+                mode="ignore",
+                name=table,
+                configuration={VERSION_KEY: version_of(schema)},
+                raise_if_key_not_exists=False,
+            )
+        return self._open(table)
+
+    def _dataset(self, table: str, version: int | None) -> pads.Dataset:
+        return self._open(table, version).to_pyarrow_dataset()
+
+    def _chosen(self, table: str, columns: Sequence[str] | None) -> pa.Schema:
+        self._path(table)
+        schema = SCHEMAS[table]
+        if columns is None:
+            return schema
+        unknown = [name for name in columns if name not in schema.names]
+        if unknown:
+            raise LakeError(
+                f"table {table!r} has no column {unknown[0]!r}; choose of {', '.join(schema.names)}"
+            )
+        return pa.schema([schema.field(name) for name in columns])
+
+    def _unwritable(self, table: str, error: Exception) -> LakeError:
+        return LakeError(
+            f"table {table!r} cannot be written: {_line(error)}; check space and permissions of "
+            f"{self._path(table)}"
+        )
+
+
+def _select(
+    columns: Sequence[str],
+    table: str,
+    where: str | None,
+    order_by: str | None,
+    limit: int | None,
+) -> str:
+    """A SELECT statement; each part on lines of its own, so that a comment ends with its part."""
+    names = ", ".join(f'"{name}"' for name in columns)
+    parts = [f'SELECT {names} FROM "{table}"']
+    if where is not None:
+        parts.append(f"WHERE (\n{where}\n)")
+    if order_by is not None:
+        parts.append(f"ORDER BY {order_by}")
+    if limit is not None:
+        parts.append(f"LIMIT {int(limit)}")
+    return "\n".join(parts)
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split())

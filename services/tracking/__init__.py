@@ -1,0 +1,10 @@
+"""Experiment tracking with MLflow, embedded: a SQLite file and a folder, no server.
+
+``tracker`` (experiments and runs) → ``run`` (what one run records); ``page`` serves MLflow's web
+page on demand. MLflow itself takes seconds to import and is imported on first use.
+"""
+
+from services.tracking.page import ui_command, ui_environment
+from services.tracking.tracker import Tracker
+
+__all__ = ["Tracker", "ui_command", "ui_environment"]

@@ -1,0 +1,125 @@
+"""Experiments and runs, by explicit ids: nothing hangs on which run is active in the process."""
+
+import fcntl
+import logging
+import os
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from services.tracking.page import QUIET
+from services.tracking.run import Run, flat, reported
+
+if TYPE_CHECKING:
+    from mlflow import MlflowClient
+
+SQLITE = "sqlite:///"
+
+NOISY_LOGGERS = ("alembic", "mlflow.store.db.utils", "mlflow.utils.validation")
+
+
+class Tracker:
+    """The experiment tracker behind one URI.
+
+    Args:
+        uri: MLflow's tracking URI, such as ``sqlite:////home/mlflow.db``.
+        artifacts: Folder for the files of runs; made when it is needed.
+    """
+
+    def __init__(self, uri: str, artifacts: Path) -> None:
+        self.uri = uri
+        self.artifacts = artifacts
+
+    def experiment(self, name: str) -> str:
+        """Id of the experiment ``name``, which is made, or taken out of the bin, if need be.
+
+        Any number of processes may ask at once and get the same id.
+        """
+        with reported(f"experiment {name!r}"):
+            return self._found(name) or self._made(name)
+
+    @contextmanager
+    def run(
+        self,
+        experiment_id: str,
+        name: str,
+        params: Mapping[str, object],
+        tags: Mapping[str, str],
+        parent: str | None = None,
+    ) -> Iterator[Run]:
+        """A run that ends with the ``with`` block: finished, failed or killed.
+
+        Args:
+            experiment_id: From :meth:`experiment`.
+            name: What people call it.
+            params: What was chosen; nested mappings become dotted keys.
+            tags: What it is found by.
+            parent: Id of the run that it belongs to.
+        """
+        with reported(f"run {name!r}"):
+            links = {} if parent is None else {"mlflow.parentRunId": parent}
+            made = self._client.create_run(experiment_id, tags={**tags, **links}, run_name=name)
+            run = Run(self._client, made.info.run_id)
+        try:
+            with reported(f"run {name!r}"):
+                run.params(flat(params))
+            yield run
+        except BaseException as error:
+            interrupted = isinstance(error, KeyboardInterrupt | GeneratorExit)
+            self._end(run, name, "KILLED" if interrupted else "FAILED")
+            raise
+        self._end(run, name, "FINISHED")
+
+    def _end(self, run: Run, name: str, status: str) -> None:
+        with reported(f"run {name!r}"):
+            self._client.set_terminated(run.id, status=status)
+
+    def _found(self, name: str) -> str | None:
+        experiment = self._client.get_experiment_by_name(name)
+        if experiment is None:
+            return None
+        if experiment.lifecycle_stage == "deleted":
+            self._client.restore_experiment(experiment.experiment_id)
+        return str(experiment.experiment_id)
+
+    def _made(self, name: str) -> str:
+        from mlflow.exceptions import MlflowException
+
+        try:
+            made = self._client.create_experiment(name, artifact_location=self.artifacts.as_uri())
+            return str(made)
+        except MlflowException as error:
+            # Another process was quicker.
+            found = self._found(name) if error.error_code == "RESOURCE_ALREADY_EXISTS" else None
+            if found is None:
+                raise
+            return found
+
+    @cached_property
+    def _client(self) -> "MlflowClient":
+        for name, value in QUIET.items():
+            os.environ.setdefault(name, value)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            from mlflow import MlflowClient
+        for logger in NOISY_LOGGERS:
+            logging.getLogger(logger).setLevel(logging.ERROR)
+        with _alone(self.uri):
+            client = MlflowClient(tracking_uri=self.uri)
+            client.search_experiments(max_results=1)
+        return client
+
+
+@contextmanager
+def _alone(uri: str) -> Iterator[None]:
+    """Be the only process that makes the tables of a SQLite file: MLflow does not expect others."""
+    if not uri.startswith(SQLITE):
+        yield
+        return
+    database = Path(uri.removeprefix(SQLITE))
+    with database.with_name(f".{database.name}.lock").open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield

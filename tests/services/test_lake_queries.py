@@ -1,0 +1,193 @@
+"""SQL over the lake: what is answered, what is refused, how results are written."""
+
+import csv
+import json
+import re
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from services.errors import LakeError
+from services.lake.queries import query, write_result
+
+
+@pytest.fixture
+def filled(lake, datasets):
+    lake.append("datasets", datasets(["a", "b"]), app_id="x", number=1)
+    return lake
+
+
+def test_a_query_joins_sorts_and_counts(filled):
+    sql = """
+        WITH later AS (FROM datasets WHERE created_at > '2020-01-01')
+        SELECT d.dataset_id, count(*) AS n FROM datasets d JOIN later USING (dataset_id)
+        GROUP BY ALL ORDER BY 1 DESC; -- one statement, with a comment
+    """
+    assert query(filled, sql).to_pydict() == {"dataset_id": ["b", "a"], "n": [1, 1]}
+
+
+@pytest.mark.parametrize(
+    "sql",
+    [
+        "DESCRIBE datasets",
+        "SHOW TABLES",
+        "SUMMARIZE datasets",
+        "EXPLAIN SELECT * FROM datasets",
+        "EXPLAIN ANALYZE SELECT * FROM datasets",
+        "FROM datasets",
+        "VALUES (1)",
+    ],
+)
+def test_everything_that_reads_is_answered(filled, sql):
+    assert query(filled, sql).num_rows > 0
+
+
+@pytest.mark.parametrize(
+    ("sql", "kind"),
+    [
+        ("COPY datasets TO '{0}'", "COPY"),
+        ("ATTACH '{0}'", "ATTACH"),
+        ("INSTALL httpfs", "LOAD"),
+        ("LOAD httpfs", "LOAD"),
+        ("PRAGMA version", "PRAGMA"),
+        ("SET threads = 1", "SET"),
+        ("RESET lock_configuration", "SET"),
+        ("CREATE TABLE t (i INT)", "CREATE"),
+        ("DROP VIEW datasets", "DROP"),
+        ("INSERT INTO datasets SELECT * FROM datasets", "INSERT"),
+        ("DELETE FROM datasets", "DELETE"),
+        ("EXPORT DATABASE '{0}'", "EXPORT"),
+        ("CALL pragma_version()", "CALL"),
+    ],
+)
+def test_everything_else_is_refused(filled, tmp_path, sql, kind):
+    out = tmp_path / "out"
+    with pytest.raises(LakeError, match=f"must only read, got {kind}; use SELECT"):
+        query(filled, sql.format(out))
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    "sql",
+    [
+        "SELECT * FROM read_csv('/etc/passwd')",
+        "SELECT * FROM read_text('/etc/passwd')",
+        "SELECT * FROM read_blob('{0}/lake/datasets/*.parquet')",
+        "SELECT * FROM read_parquet('{0}/lake/datasets/*.parquet')",
+        "SELECT * FROM glob('/etc/*')",
+        "WITH w AS (COPY (SELECT 1) TO '{0}/out') SELECT * FROM w",
+        "WITH w AS (COPY (SELECT 1) TO '.tmp/out') SELECT * FROM w",
+        "EXPLAIN ANALYZE COPY (SELECT 1) TO '{0}/out'",
+    ],
+)
+def test_no_statement_reaches_a_file(filled, tmp_path, sql):
+    with pytest.raises(LakeError, match="files cannot be read or written from SQL"):
+        query(filled, sql.format(tmp_path))
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_file_or_a_python_variable_is_no_table(filled):
+    secret = pa.table({"token": ["s3cret"]})
+    assert secret.num_rows == 1
+    for name in ("secret", "'/etc/passwd'", "filled"):
+        with pytest.raises(LakeError, match="no table is called"):
+            query(filled, f"SELECT * FROM {name}")
+
+
+@pytest.mark.parametrize("sql", ["", "  -- nothing", "SELECT 1; SELECT 2"])
+def test_exactly_one_statement_is_run(filled, sql):
+    with pytest.raises(LakeError, match=r"must be one statement, got [02]; give one SELECT"):
+        query(filled, sql)
+
+
+def test_mistakes_are_explained_in_one_line(filled):
+    mistakes = {
+        "SELEC 1": 'syntax error at or near "SELEC"',
+        "SELECT sed FROM datasets": 'Candidate bindings: "seed"',
+        "SELECT * FROM dataset": "no table is called 'dataset'; did you mean 'datasets'?",
+        "SELECT * FROM nope": "no table is called 'nope'; there are: datasets",
+        "SELECT * FROM rollouts": "'rollouts' is not there yet: make it with `lmtr evaluate`",
+        "SELECT CAST(dataset_id AS INT) FROM datasets": "Could not convert string 'a'",
+    }
+    for sql, message in mistakes.items():
+        with pytest.raises(LakeError, match=re.escape(message)) as caught:
+            query(filled, sql)
+        assert "\n" not in str(caught.value)
+
+
+def test_an_empty_lake_says_that_it_is_empty(lake):
+    assert query(lake, "SHOW TABLES").num_rows == 0
+    with pytest.raises(LakeError, match="there are: none yet"):
+        query(lake, "SELECT * FROM nope")
+
+
+def test_columns_of_the_same_name_are_told_apart(filled):
+    result = query(filled, "SELECT 1 AS a, 2 AS a, 3 AS a_1, 4 AS a")
+    assert result.num_columns == len(set(result.column_names)) == 4
+    assert [column[0].as_py() for column in result.columns] == [1, 2, 3, 4]
+
+
+RICH = """
+    SELECT * FROM (VALUES
+        (1, 'é, "x"', [1.5, 2.0]::DOUBLE[], MAP {'cost': 0.25}::MAP(VARCHAR, DOUBLE), true),
+        (2, NULL, ['nan'::DOUBLE, 1.0], MAP {}::MAP(VARCHAR, DOUBLE), false)
+    ) t(i, name, numbers, terms, ok), (SELECT created_at FROM datasets LIMIT 1)
+    ORDER BY i
+"""
+
+
+def test_json_is_one_array_of_objects_without_nan(filled, tmp_path):
+    write_result(query(filled, RICH), tmp_path / "r.json", "json")
+    first, second = json.loads(
+        (tmp_path / "r.json").read_text(encoding="utf-8"), parse_constant=pytest.fail
+    )
+    assert first == {
+        "i": 1,
+        "name": 'é, "x"',
+        "numbers": [1.5, 2.0],
+        "terms": {"cost": 0.25},
+        "ok": True,
+        "created_at": "2026-11-22T12:30:00+00:00",
+    }
+    assert second["name"] is None
+    assert second["numbers"] == [None, 1.0]
+
+
+def test_csv_holds_lists_and_maps_as_json(filled, tmp_path):
+    write_result(query(filled, RICH), tmp_path / "r.csv", "csv")
+    with (tmp_path / "r.csv").open(encoding="utf-8", newline="") as file:
+        first, second = csv.DictReader(file)
+    assert (first["i"], first["name"], first["ok"]) == ("1", 'é, "x"', "true")
+    assert json.loads(first["numbers"]) == [1.5, 2.0]
+    assert json.loads(first["terms"]) == {"cost": 0.25}
+    assert second["name"] == ""
+
+
+def test_parquet_gives_the_same_table_back(filled, tmp_path):
+    result = query(filled, "SELECT * FROM datasets ORDER BY dataset_id")
+    write_result(result, tmp_path / "new" / "r.parquet", "parquet")
+    assert pq.read_table(tmp_path / "new" / "r.parquet").equals(result)
+
+
+def test_no_rows_are_a_valid_result_in_every_format(filled, tmp_path):
+    result = query(filled, "SELECT seed, dataset_id FROM datasets WHERE false")
+    for form in ("csv", "json", "parquet"):
+        write_result(result, tmp_path / form, form)
+    assert (tmp_path / "csv").read_text() == "seed,dataset_id\n"
+    assert json.loads((tmp_path / "json").read_text()) == []
+    assert pq.read_table(tmp_path / "parquet").num_rows == 0
+
+
+def test_without_a_path_the_result_goes_to_standard_output(filled, capfdbinary):
+    write_result(query(filled, "SELECT 1 AS a"), None, "csv")
+    assert capfdbinary.readouterr().out == b"a\n1\n"
+
+
+def test_a_format_or_file_that_is_impossible_is_refused(filled, tmp_path):
+    result = query(filled, "SELECT 1 AS a")
+    with pytest.raises(LakeError, match="one of csv, json, parquet, got 'xlsx'"):
+        write_result(result, tmp_path / "r.xlsx", "xlsx")
+    with pytest.raises(LakeError, match="cannot be written"):
+        write_result(result, tmp_path, "csv")
+    assert list(tmp_path.glob(".*partial")) == []
