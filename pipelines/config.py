@@ -7,13 +7,14 @@ default. Settings classes live beside the code that consumes them.
 import difflib
 import hashlib
 import json
+import math
 import tomllib
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from lmtr.errors import ConfigurationError
 from lmtr.expert.settings import ExpertSettings
@@ -24,6 +25,7 @@ from lmtr.robot.model import ROBOTS, RobotModel
 from lmtr.rollout.settings import RolloutSettings
 from lmtr.segmentation.segment import SegmentationSettings
 from lmtr.task.sampling import TaskDistribution
+from lmtr.task.task import reach
 
 Count = Annotated[int, Field(ge=1)]
 Seed = Annotated[int, Field(ge=0)]
@@ -128,6 +130,24 @@ class Configuration(Section):
     training: TrainingSection = TrainingSection()
     evaluation: EvaluationSection = EvaluationSection()
     cluster: ClusterSection = ClusterSection()
+
+    @model_validator(mode="after")
+    def _tasks_are_possible(self) -> "Configuration":
+        robot, tasks, swings = self.dataset.robot, self.tasks, self.expert.scope.n_swings
+        furthest = math.hypot(tasks.goal_distance[1], tasks.goal_lateral)
+        if furthest > reach(robot, swings):
+            raise ValueError(
+                f"tasks.goal_distance and goal_lateral put goals up to {furthest:.2f} m away, but "
+                f"robot {robot.name!r} reaches at most {reach(robot, swings):.2f} m with {swings} "
+                "swings per leg; bring the goals closer or allow more swings"
+            )
+        scatter, range_of_motion = tasks.foot_scatter, robot.range_of_motion[:2]
+        if any(s > r for s, r in zip(scatter, range_of_motion, strict=True)):
+            raise ValueError(
+                f"tasks.foot_scatter {scatter} m leaves the range of motion ±{range_of_motion} m "
+                f"of robot {robot.name!r}; scatter the start feet less"
+            )
+        return self
 
     @property
     def dataset_id(self) -> str:

@@ -63,14 +63,22 @@ class Task:
                     f"motion ±{tuple(map(float, reach))} m of robot {robot.name!r}; move it closer"
                 )
         distance = float(np.linalg.norm(self.goal_pose_W[:2] - self.start_pose_W[:2]))
-        # A stance lets the base sweep the box once; a trot spends as long again in swing.
-        limit = 2.0 * robot.range_of_motion[0] * (n_swings + 1) * 2.0
+        limit = reach(robot, n_swings)
         if distance > limit:
             raise TaskError(
                 f"task: the goal is {distance:.2f} m away, but robot {robot.name!r} reaches at "
                 f"most {limit:.2f} m with {n_swings} swings per leg in {duration} s; "
                 "bring the goal closer"
             )
+
+
+def reach(robot: RobotModel, n_swings: int) -> float:
+    """Furthest goal (m) that ``n_swings`` swings per leg can lead to.
+
+    A stance lets the base sweep the range of motion once, and even a trot, in which a foot swings
+    for as long as it stands, covers no more than that again in the swing.
+    """
+    return 2.0 * 2.0 * robot.range_of_motion[0] * (n_swings + 1)
 
 
 def _require_shape(name: str, array: Array, shape: tuple[int, ...]) -> None:
