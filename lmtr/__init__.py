@@ -3,7 +3,7 @@
 Data flows one way through the packages, and each imports only from those before it:
 
 ``geometry`` → ``robot`` → ``spline`` → ``trajectory`` → ``task`` → ``vectors`` →
-``expert`` → ``quality`` → ``segmentation`` → ``models`` → ``policies`` → ``replanners`` →
+``quality`` → ``expert`` → ``segmentation`` → ``models`` → ``policies`` → ``replanners`` →
 ``rollout`` → ``figures``.
 
 Nothing here knows of Ray, MLflow, DuckDB or the layout of a disk; CasADi is imported by

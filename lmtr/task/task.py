@@ -54,13 +54,13 @@ class Task:
             TaskError: A start foot lies outside its range of motion, or the goal is further away
                 than the legs can reach with ``n_swings`` swings.
         """
-        reach = np.array(robot.range_of_motion[:2])
+        box = np.array(robot.range_of_motion[:2])
         offset = np.abs(self.start_feet_B() - robot.nominal_feet_B[:, :2])
-        for foot, excess in zip(FEET, offset - reach, strict=True):
+        for foot, excess in zip(FEET, offset - box, strict=True):
             if excess.max() > 1e-9:
                 raise TaskError(
                     f"task: start foot {foot} lies {excess.max():.3f} m outside the range of "
-                    f"motion ±{tuple(map(float, reach))} m of robot {robot.name!r}; move it closer"
+                    f"motion ±{tuple(map(float, box))} m of robot {robot.name!r}; move it closer"
                 )
         distance = float(np.linalg.norm(self.goal_pose_W[:2] - self.start_pose_W[:2]))
         limit = reach(robot, n_swings)

@@ -1,0 +1,72 @@
+"""Tasks are refused with the field and the mend named; streams depend on their key alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lmtr.errors import TaskError
+from lmtr.robot.model import ANYMAL
+from lmtr.task.sampling import TaskDistribution, gait_order, sample_noise, sample_task, stream
+
+TASK = sample_task(TaskDistribution(), ANYMAL, stream(0, 0))
+
+
+@pytest.mark.parametrize("name", ["start_pose_W", "start_feet_W", "goal_pose_W", "obstacles_W"])
+def test_a_number_that_is_not_finite_is_refused_by_its_field(name):
+    spoilt = np.array(getattr(TASK, name))
+    spoilt.flat[0] = np.nan
+    with pytest.raises(TaskError, match=name):
+        replace(TASK, **{name: spoilt})
+
+
+def test_a_goal_out_of_reach_is_refused():
+    far = replace(TASK, goal_pose_W=np.array([9.0, 0.0, 0.0]))
+    with pytest.raises(TaskError, match=r"9\.00 m away.*bring the goal closer"):
+        far.require_possible(ANYMAL, 7.5, 6)
+
+
+def test_a_start_foot_outside_its_range_of_motion_is_refused_by_its_name():
+    feet = TASK.start_feet_W.copy()
+    feet[2, 0] -= 0.5
+    with pytest.raises(TaskError, match="LH"):
+        replace(TASK, start_feet_W=feet).require_possible(ANYMAL, 7.5, 6)
+
+
+@given(st.integers(0, 2**63), st.integers(0, 10**9))
+def test_every_drawn_task_is_possible_and_lies_in_its_ranges(seed, index):
+    distribution = TaskDistribution()
+    task = sample_task(distribution, ANYMAL, stream(seed, index))
+    task.require_possible(ANYMAL, 7.5, 6)
+    low, high = distribution.goal_distance
+    assert low <= task.goal_pose_W[0] <= high
+    assert len(task.obstacles_W) == 2
+
+
+def test_the_same_key_draws_the_same_and_another_one_does_not():
+    def draw(seed, index):
+        rng = stream(seed, index)
+        task = sample_task(TaskDistribution(), ANYMAL, rng)
+        return np.concatenate(
+            [task.goal_pose_W, sample_noise(TaskDistribution(), 6, rng).timing[0]]
+        )
+
+    np.testing.assert_array_equal(draw(3, 7), draw(3, 7))
+    assert not np.allclose(draw(3, 7), draw(3, 8))
+    assert not np.allclose(draw(3, 7), draw(4, 7))
+
+
+def test_smooth_noise_vanishes_at_both_ends():
+    noise = sample_noise(TaskDistribution(), 6, stream(0, 0))
+    np.testing.assert_allclose(noise.on_base(np.array([0.0, 1.0])), 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("foot", range(4))
+def test_the_gait_begins_with_the_foot_furthest_back(foot):
+    feet = ANYMAL.nominal_feet_B[:, :2].copy()
+    feet[foot, 0] -= 0.05
+    order = gait_order(replace(TASK, start_feet_W=feet), ANYMAL)
+    assert order[0] == foot
+    assert sorted(order) == [0, 1, 2, 3]
