@@ -127,5 +127,6 @@ def _compile(code: str, compiler: str, library: Path, key: str) -> None:
 def _one_line(error: Exception) -> str:
     text = str(error)
     if isinstance(error, subprocess.CalledProcessError):
-        text += " " + error.stderr.decode(errors="replace")
+        said = error.stderr.decode(errors="replace")
+        text = f"{Path(error.cmd[0]).name} exited with {error.returncode}: {said}"
     return " ".join(text.split())[:300]

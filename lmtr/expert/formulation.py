@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lmtr.errors import TaskError
 from lmtr.expert.assembly import Assembled, Assembly, Placed
 from lmtr.expert.constraints.dynamics import dynamics
 from lmtr.expert.constraints.friction import friction
@@ -112,7 +113,16 @@ def parameter_values(
     settings: ExpertSettings,
     parameters: Layout,
 ) -> Array:
-    """The parameter vector of one task, with feet in the order of its guess."""
+    """The parameter vector of one task, with feet in the order of its guess.
+
+    Raises:
+        TaskError: There are more obstacles than the problem has room for.
+    """
+    if len(task.obstacles_W) > MAX_OBSTACLES:
+        raise TaskError(
+            f"task: obstacles_W has {len(task.obstacles_W)} lines, but the expert has room for "
+            f"{MAX_OBSTACLES}; leave out those furthest from the path"
+        )
     order = list(guess.order)
     lines = np.zeros((MAX_OBSTACLES, 4))
     for line, (x, y, alpha) in zip(lines, task.obstacles_W, strict=False):

@@ -1,0 +1,100 @@
+"""Packing: blocks have names, and a trajectory survives the way through the variables."""
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from lmtr.expert.layout import Layout
+from lmtr.expert.quantities import linear_map, quantity_layout
+from lmtr.expert.variables import pack, stance_points, unpack
+from lmtr.robot.model import ANYMAL
+from lmtr.trajectory.sample import sample_base, sample_feet
+from lmtr.trajectory.trajectory import BASE_STEP
+
+
+def test_layout_packs_what_it_unpacks():
+    layout = Layout({"a": (2, 3), "b": (), "c": (4,)})
+    vector = np.arange(layout.size, dtype=float)
+    np.testing.assert_array_equal(layout.pack(layout.unpack(vector)), vector)
+
+
+def test_layout_refuses_missing_blocks():
+    with pytest.raises(ValueError, match="name them all"):
+        Layout({"a": (2,), "b": (1,)}).pack({"a": 1.0})
+
+
+@pytest.mark.parametrize("n_stances", [2, 3, 7])
+def test_stances_share_out_all_force_points(n_stances):
+    index = np.arange(2 * n_stances + 4)
+    shared = [index[stance_points(stance, n_stances)] for stance in range(n_stances)]
+    np.testing.assert_array_equal(np.concatenate(shared), index)
+
+
+def test_guess_comes_back_from_its_variables(drawn):
+    again = unpack(drawn.start, drawn.guess, ANYMAL, drawn.settings.scope)
+    for field in fields(again):
+        np.testing.assert_allclose(
+            getattr(again, field.name), getattr(drawn.guess.trajectory, field.name), atol=1e-12
+        )
+
+
+def test_any_variables_come_back_from_their_trajectory(drawn):
+    scope, x = drawn.settings.scope, drawn.near_start(0)
+    trajectory = unpack(x, drawn.guess, ANYMAL, scope)
+    control = drawn.guess.control_points.copy()
+    inner = drawn.problem.variables.unpack(x)["control"]
+    control[3:-3] = inner
+    guess = type(drawn.guess)(control, trajectory, drawn.guess.order)
+    np.testing.assert_allclose(pack(guess, ANYMAL, scope), x, atol=1e-12)
+
+
+def test_quantities_are_those_of_the_sampled_trajectory(drawn):
+    settings, x = drawn.settings, drawn.near_start(7)
+    linear = linear_map(settings)
+    q = quantity_layout(settings).unpack(
+        linear.of_variables @ x + linear.of_parameters @ drawn.parameters + linear.constant
+    )
+    trajectory = unpack(x, drawn.guess, ANYMAL, settings.scope)
+    times = settings.range_of_motion_step * np.arange(len(q["position"]))
+    base = sample_base(trajectory, times)
+    np.testing.assert_allclose(q["position"], base.position, atol=1e-12)
+    np.testing.assert_allclose(q["rpy"], base.rpy, atol=1e-12)
+    nodes = sample_base(trajectory, BASE_STEP * np.arange(settings.scope.n_nodes))
+    np.testing.assert_allclose(q["rpy_rate"], nodes.rpy_rate, atol=1e-10)
+    np.testing.assert_allclose(q["acceleration"], nodes.acceleration, atol=1e-8)
+    np.testing.assert_allclose(q["rpy_acceleration"], nodes.rpy_acceleration, atol=1e-8)
+    order = list(drawn.guess.order)
+    np.testing.assert_allclose(q["footholds"], trajectory.footholds[order, :, :2], atol=1e-12)
+    np.testing.assert_allclose(q["middle"], trajectory.swing_nodes[order, :, :3], atol=1e-12)
+    half = (trajectory.touchdown_times - trajectory.liftoff_times)[order, :, None] / 2.0
+    velocity = trajectory.swing_nodes[order, :, 3:]
+    np.testing.assert_allclose(q["middle_slope"], velocity * half, atol=1e-12)
+
+
+def test_range_of_motion_rows_are_offsets_of_the_sampled_feet(drawn):
+    """Gating without branches and look-ups by phase describe the same feet."""
+    x, settings = drawn.near_start(8), drawn.settings
+    rows = np.array(drawn.problem.functions.constraints(x, drawn.parameters)).reshape(-1)
+    rows = rows[drawn.problem.rows["range_of_motion"]].reshape(-1, 4, 3)
+    trajectory = unpack(x, drawn.guess, ANYMAL, settings.scope)
+    times = settings.range_of_motion_step * np.arange(1, len(rows) + 1)
+    base, feet = sample_base(trajectory, times), sample_feet(trajectory, times)
+    order = list(drawn.guess.order)
+    offset = feet.position[:, order] - base.position[:, None]
+    from_yaw = np.stack([np.cos(base.rpy[:, 2]), np.sin(base.rpy[:, 2])], axis=-1)
+    assert np.abs(base.rpy[:, :2]).max() < 0.1  # so that a planar turn says nearly all
+    forward = (offset[..., :2] * from_yaw[:, None]).sum(axis=-1)
+    expected = (forward - ANYMAL.nominal_feet_B[order, 0]) / ANYMAL.range_of_motion[0]
+    np.testing.assert_allclose(rows[..., 0], expected, atol=0.25)
+
+
+def test_first_rows_of_dynamics_are_the_balance_of_forces(drawn):
+    x = drawn.near_start(9)
+    rows = np.array(drawn.problem.functions.constraints(x, drawn.parameters)).reshape(-1)
+    linear = rows[drawn.problem.rows["dynamics"]].reshape(-1, 6)[:, :3]
+    trajectory = unpack(x, drawn.guess, ANYMAL, drawn.settings.scope)
+    times = BASE_STEP * np.arange(len(linear))
+    force = sample_feet(trajectory, times).force.sum(axis=1) / ANYMAL.weight
+    needed = sample_base(trajectory, times).acceleration / 9.81 + np.array([0.0, 0.0, 1.0])
+    np.testing.assert_allclose(linear, force - needed, atol=1e-9)
