@@ -132,7 +132,10 @@ def _prepare(address: str | None) -> None:
     has_token = "RAY_AUTH_TOKEN" in os.environ or "RAY_AUTH_TOKEN_PATH" in os.environ
     if address is None and not has_token:
         os.environ["RAY_AUTH_TOKEN"] = secrets.token_hex(32)
-    os.environ["RAY_AUTH_MODE"] = "token" if has_token or address is None else "disabled"
+    # Ray reads the mode when it is imported. One that is imported already closes a local cluster
+    # by itself, and would take a mode set now for one that is in force.
+    if "ray" not in sys.modules:
+        os.environ["RAY_AUTH_MODE"] = "token" if has_token or address is None else "disabled"
 
 
 def _require_reachable(address: str) -> None:
@@ -163,5 +166,5 @@ def _require_reachable(address: str) -> None:
 def _unreachable(address: str, reason: str) -> ClusterError:
     return ClusterError(
         f"cluster: no Ray cluster can be joined at {address!r}: {' '.join(reason.split())}; check "
-        "the address and RAY_AUTH_TOKEN, and run on one of the cluster's hosts"
+        "the address, RAY_AUTH_MODE and RAY_AUTH_TOKEN, and run on one of the cluster's hosts"
     )

@@ -48,9 +48,6 @@ class Workplace(Generic[T, R]):
         self._make_worker = make_worker
         self._worker: Callable[[T], R] | None = None
 
-    def ready(self) -> None:
-        """Answers once the process is up."""
-
     def run(self, item: T) -> Reply[R]:
         """Work on one item."""
         try:

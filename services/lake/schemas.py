@@ -163,6 +163,7 @@ MODELS = (
 EVALUATIONS = (
     column("evaluation_id", TEXT, "one replanner on one set of courses"),
     DATASET_ID,
+    SEGMENTATION_ID,
     column("replanner", TEXT, "name of the replanner"),
     column("model_id", TEXT, "its model; none for the trajectory library", nullable=True),
     column("weights", REALS, "distance weights w of base, feet, obstacles, goal"),

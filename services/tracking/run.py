@@ -94,6 +94,8 @@ class Run:
     @reported("files")
     def artifacts(self, folder: Path, name: str) -> None:
         """Keep all files of ``folder`` below ``name``."""
+        if not folder.is_dir():
+            raise NotADirectoryError(f"{folder} is no folder")
         self._client.log_artifacts(self.id, str(folder), name)
 
     @reported("a tag")
