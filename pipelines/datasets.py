@@ -4,11 +4,12 @@ import json
 
 from lmtr.errors import DataError
 from lmtr.robot.model import RobotModel
+from pipelines.config import Configuration, parse
 from pipelines.workspace import Workspace
 
 
-def resolve(workspace: Workspace, dataset_id: str | None) -> str:
-    """The data set asked for, or the newest one where none is named.
+def resolve(workspace: Workspace, dataset_id: str | None, preferred: str | None = None) -> str:
+    """The data set asked for, else the preferred one, else the newest.
 
     Raises:
         DataError: There is no such data set in this home.
@@ -16,13 +17,13 @@ def resolve(workspace: Workspace, dataset_id: str | None) -> str:
     lake = workspace.lake
     rows = lake.read("datasets", ["dataset_id", "created_at"], order_by="created_at").to_pylist()
     known = [row["dataset_id"] for row in rows]
-    if dataset_id is None:
-        return str(known[-1])
-    if dataset_id not in known:
+    wanted = dataset_id or preferred or known[-1]
+    if wanted not in known:
         raise DataError(
-            f"data set {dataset_id!r} is not in this home; choose one of: {', '.join(known)}"
+            f"data set {wanted!r} is not in this home; make it with `lmtr generate`, or choose "
+            f"with --dataset one of: {', '.join(known)}"
         )
-    return dataset_id
+    return str(wanted)
 
 
 def dataset_seed(workspace: Workspace, dataset_id: str) -> int:
@@ -31,9 +32,14 @@ def dataset_seed(workspace: Workspace, dataset_id: str) -> int:
     return int(rows["seed"][0].as_py())
 
 
-def robot_of(workspace: Workspace, dataset_id: str) -> RobotModel:
-    """The robot that a data set was made for, as its configuration recorded it."""
+def configuration_of(workspace: Workspace, dataset_id: str) -> Configuration:
+    """The settings that a data set was made with, as it recorded them."""
     rows = workspace.lake.read(
         "datasets", ["configuration"], where=f"dataset_id = '{dataset_id}'"
     ).to_pylist()
-    return RobotModel.model_validate(json.loads(rows[0]["configuration"])["dataset"]["robot"])
+    return parse(json.loads(rows[0]["configuration"]))
+
+
+def robot_of(workspace: Workspace, dataset_id: str) -> RobotModel:
+    """The robot that a data set was made for."""
+    return configuration_of(workspace, dataset_id).dataset.robot

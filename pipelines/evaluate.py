@@ -1,13 +1,13 @@
 """Stage 4: roll out every replanner over the same random courses; log and keep what came out."""
 
 import functools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import pyarrow as pa
 
-from lmtr.errors import DataError, LmtrError
+from lmtr.errors import LmtrError
 from lmtr.figures.motion_figure import motion_figure
-from lmtr.models import checkpoint
 from lmtr.models.trained import TrainedModel
 from lmtr.policies.distance import TaskWeights
 from lmtr.replanners.build import build_replanner
@@ -25,7 +25,7 @@ from pipelines.datasets import robot_of
 from pipelines.learning_data import LearningData, learning_data
 from pipelines.progress import bar, say
 from pipelines.provenance import code_version
-from pipelines.train import is_trained, jobs
+from pipelines.registry import Registered, load, models
 from pipelines.workspace import Workspace
 from services.lake.schemas import SCHEMAS
 
@@ -85,14 +85,14 @@ class EvaluateWorker:
         return Tried(rollouts, summarise(rollouts, self._robot), replanner.nbytes)
 
 
-def trials(config: Configuration, data: LearningData) -> list[Trial]:
-    """The replanners that a configuration asks for on these data."""
+def trials(config: Configuration, data: LearningData, models: Sequence[Registered]) -> list[Trial]:
+    """The replanners that a configuration asks for with these data and models."""
     section = config.evaluation
-    models: list[tuple[str, str | None]] = [(job.label, job.model_id) for job in jobs(config, data)]
+    candidates: list[tuple[str, str | None]] = [(m.label, m.model_id) for m in models]
     if section.library:
-        models.append(("trajectory library", None))
+        candidates.append(("trajectory library", None))
     made = []
-    for name, model_id in models:
+    for name, model_id in candidates:
         # The unimodal regressor looks nothing up, so weights make no difference to it.
         choices = section.weights[:1] if name.startswith("unimodal") else section.weights
         for weights in choices:
@@ -102,15 +102,28 @@ def trials(config: Configuration, data: LearningData) -> list[Trial]:
             digest = fingerprint(
                 model_id, data.identity, weights, section.rollout, section.seed, section.rollouts
             )
-            slug = name.lower().replace(" ", "-")
+            slug = name.split(" seed")[0].lower().replace(" ", "-")
             made.append(Trial(f"{slug}-{digest}", label, model_id, weights))
     return made
 
 
-def evaluate(config: Configuration, workspace: Workspace, dataset_id: str) -> list[str]:
-    """Roll out what has not been; returns the ids of all evaluations that are asked for."""
+def evaluate(
+    config: Configuration,
+    workspace: Workspace,
+    dataset_id: str,
+    model_ids: Sequence[str] | None = None,
+) -> list[str]:
+    """Roll out what has not been; returns the ids of all evaluations that are asked for.
+
+    Args:
+        config: Rollouts, weights, testbed.
+        workspace: The home.
+        dataset_id: The data set.
+        model_ids: Models to evaluate; None for all of the data set.
+    """
     data = learning_data(config, workspace, dataset_id)
-    wanted = trials(config, data)
+    known = models(workspace, dataset_id, data.segmentation_id, model_ids)
+    wanted = trials(config, data, known)
     done = _done(workspace)
     missing = [trial for trial in wanted if trial.evaluation_id not in done]
     if missing:
@@ -127,25 +140,14 @@ def _done(workspace: Workspace) -> set[str]:
     return set(rows["evaluation_id"].to_pylist())
 
 
-def _models(workspace: Workspace, missing: list[Trial]) -> dict[str, TrainedModel]:
-    models = {}
-    for model_id in sorted({trial.model_id for trial in missing if trial.model_id is not None}):
-        if not is_trained(workspace, model_id):
-            raise DataError(
-                f"evaluate: model {model_id} is not trained; run `lmtr train` with the same "
-                "configuration first"
-            )
-        models[model_id] = checkpoint.load(workspace.home.models / model_id)
-    return models
-
-
 def _evaluate_missing(
     config: Configuration, workspace: Workspace, data: LearningData, missing: list[Trial]
 ) -> None:
     robot = robot_of(workspace, data.dataset_id)
-    models = _models(workspace, missing)
+    used = {trial.model_id for trial in missing if trial.model_id is not None}
+    loaded = {model_id: load(workspace, model_id) for model_id in sorted(used)}
     experiment = workspace.tracker.experiment(EXPERIMENT)
-    make_worker = functools.partial(EvaluateWorker, data, models, robot, config.evaluation)
+    make_worker = functools.partial(EvaluateWorker, data, loaded, robot, config.evaluation)
     failed: list[str] = []
     with (
         workspace.cluster(len(missing)) as cluster,
@@ -201,6 +203,7 @@ def _record(
     row = {
         "evaluation_id": trial.evaluation_id,
         "dataset_id": data.dataset_id,
+        "segmentation_id": data.segmentation_id,
         "replanner": trial.label,
         "model_id": trial.model_id,
         "weights": list(trial.weights.values),

@@ -56,28 +56,44 @@ class LearningData:
         }
 
 
+def resolve_cut(config: Configuration, workspace: Workspace, dataset_id: str) -> str:
+    """The configuration's own cut of a data set if it is there, else the only one there is.
+
+    Raises:
+        DataError: The data set has not been cut, or in several other ways.
+    """
+    rows = workspace.lake.read("segments", ["segmentation_id"], f"dataset_id = '{dataset_id}'")
+    known = sorted(set(rows["segmentation_id"].to_pylist()))
+    if config.segmentation_id in known:
+        return config.segmentation_id
+    if not known:
+        raise DataError(f"data set {dataset_id!r} has no segments; run `lmtr segment` first")
+    if len(known) > 1:
+        raise DataError(
+            f"data set {dataset_id!r} was cut in {len(known)} ways and not in that of these "
+            "settings; name the configuration it was cut with (--config, --set segmentation.…)"
+        )
+    return str(known[0])
+
+
 def learning_data(
     config: Configuration, workspace: Workspace, dataset_id: str, version: int | None = None
 ) -> LearningData:
-    """Read the segments that the configuration means.
+    """Read the segments that the configuration means, see :func:`resolve_cut`.
 
     Raises:
-        DataError: The data set has not been cut this way, or a split is empty.
+        DataError: The data set has not been cut in a way that can be told.
     """
     lake = workspace.lake
+    cut = resolve_cut(config, workspace, dataset_id)
     version = lake.version("segments") if version is None else version
     table = lake.read(
         "segments",
         ["split", "x", "tau"],
-        where=selection(dataset_id, config.segmentation_id),
+        where=selection(dataset_id, cut),
         order_by="solution_index, epoch_s, goal_time_s",
         version=version,
     )
-    if table.num_rows == 0:
-        raise DataError(
-            f"data set {dataset_id!r} has no segments of these settings (cut "
-            f"{config.segmentation_id}); run `lmtr segment` with the same configuration first"
-        )
     x, tau = _matrix(table["x"]), _matrix(table["tau"])
     held_out = np.array(table["split"].to_pylist()) == "validation"
     training = TrainingData(x[~held_out], tau[~held_out])
@@ -88,7 +104,7 @@ def learning_data(
         )
     return LearningData(
         dataset_id,
-        config.segmentation_id,
+        cut,
         version,
         training,
         TrainingData(x[held_out], tau[held_out]),

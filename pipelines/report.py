@@ -1,16 +1,18 @@
 """Stage 5: the HTML report of a data set, its models and its rollouts."""
 
 import shutil
+import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
-from lmtr.models import checkpoint
 from lmtr.models.trained import TrainedModel
 from pipelines.config import Configuration
-from pipelines.datasets import robot_of
-from pipelines.evaluate import trials
+from pipelines.datasets import configuration_of, robot_of
 from pipelines.learning_data import LearningData, learning_data
 from pipelines.progress import bar, say
 from pipelines.provenance import code_version
+from pipelines.registry import evaluation_ids, load, models
+from pipelines.report_films import films
 from pipelines.report_page import PAGE, ReportContent, Section, write_report
 from pipelines.report_sections import (
     comparison_section,
@@ -20,67 +22,80 @@ from pipelines.report_sections import (
     training_section,
 )
 from pipelines.results import Evaluation, evaluations, expert_reference
-from pipelines.train import jobs
 from pipelines.workspace import Workspace
 
 
-def report(config: Configuration, workspace: Workspace, dataset_id: str) -> Path:
-    """Write the report of what the configuration asks for; returns its page.
+def report(
+    config: Configuration,
+    workspace: Workspace,
+    dataset_id: str,
+    model_ids: Sequence[str] | None = None,
+    chosen: Sequence[str] | None = None,
+) -> Path:
+    """Write the report of a data set; returns its page.
+
+    Args:
+        config: What made the data; it is stored beside the report.
+        workspace: The home.
+        dataset_id: The data set.
+        model_ids: Models to report; None for all of the data set.
+        chosen: Evaluations to report; None for all of the data set.
 
     Raises:
-        DataError: Segments or evaluations of this configuration are missing.
-        ModelError: One of its models is.
+        DataError: Segments, models or evaluations are missing.
+        ModelError: A model is damaged.
     """
     data = learning_data(config, workspace, dataset_id)
-    tried = evaluations(workspace, [trial.evaluation_id for trial in trials(config, data)])
-    content = ReportContent(
-        title=f"LMTR report: {dataset_id}",
-        summary=headline(tried),
-        provenance=_provenance(workspace, data, config),
-        sections=_sections(config, workspace, data, tried),
-        reproduce=_reproduce(config, workspace),
-    )
-    page = _write(content, config, workspace.home.reports / dataset_id)
+    if chosen is None:
+        chosen = evaluation_ids(workspace, dataset_id, data.segmentation_id)
+    tried = evaluations(workspace, chosen)
+    trained = [
+        (known.label, load(workspace, known.model_id))
+        for known in models(workspace, dataset_id, data.segmentation_id, model_ids)
+    ]
+    with tempfile.TemporaryDirectory() as scratch:
+        content = ReportContent(
+            title=f"LMTR report: {dataset_id}",
+            summary=headline(tried),
+            provenance=_provenance(workspace, data),
+            sections=_sections(workspace, dataset_id, trained, tried, Path(scratch)),
+            reproduce=_reproduce(config, workspace),
+        )
+        page = _write(content, config, workspace.home.reports / dataset_id)
     say(f"report: {page}")
     return page
 
 
 def _sections(
-    config: Configuration, workspace: Workspace, data: LearningData, tried: list[Evaluation]
+    workspace: Workspace,
+    dataset_id: str,
+    trained: list[tuple[str, TrainedModel]],
+    tried: list[Evaluation],
+    scratch: Path,
 ) -> list[Section]:
-    robot = robot_of(workspace, data.dataset_id)
+    recorded = configuration_of(workspace, dataset_id)
+    robot = recorded.dataset.robot
     rows = workspace.lake.read(
-        "solutions", where=f"dataset_id = '{data.dataset_id}'", order_by="index"
+        "solutions", where=f"dataset_id = '{dataset_id}'", order_by="index"
     ).to_pylist()
     with bar("Drawing the report", 4) as progress:
-        sections = [dataset_section(rows, config.quality)]
+        sections = [dataset_section(rows, recorded.quality)]
         progress.advance(note="expert data")
-        sections.append(training_section(_models(config, workspace, data)))
+        sections.append(training_section(trained))
         progress.advance(note="training")
-        sections.append(rollout_section(tried))
+        sections.append(rollout_section(tried, films(rows, tried, robot, scratch)))
         progress.advance(note="rollouts")
         sections.append(comparison_section(tried, expert_reference(rows, robot)))
         progress.advance(note="comparison")
     return sections
 
 
-def _models(
-    config: Configuration, workspace: Workspace, data: LearningData
-) -> list[tuple[str, TrainedModel]]:
-    return [
-        (job.label, checkpoint.load(workspace.home.models / job.model_id))
-        for job in jobs(config, data)
-    ]
-
-
-def _provenance(
-    workspace: Workspace, data: LearningData, config: Configuration
-) -> list[tuple[str, str]]:
+def _provenance(workspace: Workspace, data: LearningData) -> list[tuple[str, str]]:
     lake = workspace.lake
     tables = ("solutions", "segments", "models", "evaluations", "rollouts")
     return [
         ("data set", data.dataset_id),
-        ("robot", config.dataset.robot.name),
+        ("robot", robot_of(workspace, data.dataset_id).name),
         ("segments read", f"version {data.version}, cut {data.segmentation_id}"),
         ("table versions", ", ".join(f"{name} {lake.version(name)}" for name in tables)),
         ("code", code_version()),

@@ -202,6 +202,7 @@ def format_cell(cell: Cell) -> str:
     if isinstance(cell, int):
         return f"{cell:,}"
     if isinstance(cell, float):
-        large = isfinite(cell) and abs(cell) >= 1000.0
-        return (f"{cell:,.0f}" if large else f"{cell:.3g}").replace("-", "−")
+        large = not isfinite(cell) or abs(cell) >= 999.5
+        text = f"{cell:,.0f}" if large or cell == 0.0 else f"{cell:#.3g}".rstrip(".")
+        return text.replace("-", "−")
     return cell

@@ -134,16 +134,19 @@ def training_section(models: Sequence[tuple[str, TrainedModel]]) -> Section:
     )
 
 
-def rollout_section(evaluations: Sequence[Evaluation]) -> Section:
-    """One rollout of each replanner, all on the same course."""
+def rollout_section(evaluations: Sequence[Evaluation], films: Sequence[Picture]) -> Section:
+    """One rollout of each replanner, and films of the expert and of LMTR."""
     blocks: list[Text | Picture | Table] = [
         Text(
-            "Every replanner walks over the same course. Replanning starts from the state that "
+            "All replanners walk over the same courses. Replanning starts from the state that "
             "the last plan reaches; only what lies within the replanning period is kept."
         )
     ]
     for number, evaluation in enumerate(evaluations):
         row = evaluation.example
+        if len(row["t"]) < 2:
+            blocks.append(Text(f"{evaluation.label}: every rollout diverged in its first plan."))
+            continue
         end = f"{row['duration_s']:.1f} s, {row['distance_m']:.1f} m"
         if row["outcome"] == "diverged":
             end += f", diverged: {row['reason']}"
@@ -160,7 +163,7 @@ def rollout_section(evaluations: Sequence[Evaluation]) -> Section:
                 f"Top view and gait diagram of a rollout of {evaluation.label}.",
             )
         )
-    return Section("Rollouts", blocks)
+    return Section("Rollouts", [*blocks, *films])
 
 
 def comparison_section(evaluations: Sequence[Evaluation], expert: Evaluation) -> Section:
@@ -198,15 +201,15 @@ def comparison_section(evaluations: Sequence[Evaluation], expert: Evaluation) ->
                 "Share of close steps against mean violation, one point per replanner.",
             ),
             Table(
-                "Replanners. Close: closest foothold within 5 cm of the line, with a 95 % "
-                "interval by bootstrap over rollouts. Jumps: medians at replanning.",
+                "Replanners. Close: share of (line, foot) pairs with the closest foothold within "
+                "5 cm, with a 95 % interval by bootstrap over rollouts. Jumps: medians at "
+                "replanning. Plan: time per plan in a batch.",
                 [
                     "replanner",
                     "rollouts",
                     "diverged",
                     "lines crossed",
                     "close (%)",
-                    "95 %",
                     "mean violation (mm)",
                     "over 5 cm (%)",
                     "distance (m)",
@@ -336,9 +339,10 @@ def _expert_example(good: Sequence[records.Row]) -> list[Picture]:
 
 def _replanner_row(evaluation: Evaluation) -> list[Cell]:
     summary = evaluation.summary
-    interval = None
+    close = f"{100 * summary['close_share']:.1f}"
     if evaluation.label != EXPERT:
-        interval = f"{100 * summary['close_share_low']:.1f}–{100 * summary['close_share_high']:.1f}"
+        low, high = (100 * summary[f"close_share_{end}"] for end in ("low", "high"))
+        close += f" ({low:.1f}–{high:.1f})"
 
     def scaled(key: str, scale: float) -> float | None:
         return scale * summary[key] if key in summary else None
@@ -348,8 +352,7 @@ def _replanner_row(evaluation: Evaluation) -> list[Cell]:
         int(summary["rollouts"]),
         int(summary["diverged"]) if "diverged" in summary else None,
         int(summary["obstacles_crossed"]),
-        scaled("close_share", 100.0),
-        interval,
+        close,
         scaled("mean_violation", 1e3),
         scaled("large_violation_share", 100.0),
         scaled("distance", 1.0),

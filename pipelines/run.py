@@ -22,9 +22,9 @@ def run(config: Configuration, workspace: Workspace) -> Path:
     began = time.monotonic()
     dataset_id = generate(config, workspace).dataset_id
     segment(config, workspace, dataset_id)
-    train(config, workspace, dataset_id)
-    evaluate(config, workspace, dataset_id)
-    page = report(config, workspace, dataset_id)
+    model_ids = train(config, workspace, dataset_id)
+    evaluations = evaluate(config, workspace, dataset_id, model_ids)
+    page = report(config, workspace, dataset_id, model_ids, evaluations)
     say(f"\nDone in {time.monotonic() - began:.0f} s.")
     _tell_what_next(workspace, page)
     return page

@@ -94,6 +94,6 @@ def _draw(
     if animation_format is not None:
         say("Drawing the animation …")
         film = folder / f"{stem}.{animation_format}"
-        animate(motion, obstacles, robot, film)
+        animate(motion, obstacles, robot, film, title)
         paths.append(film)
     return paths

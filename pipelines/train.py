@@ -21,6 +21,7 @@ from pipelines.datasets import robot_of
 from pipelines.learning_data import LearningData, learning_data
 from pipelines.progress import bar, say
 from pipelines.provenance import code_version
+from pipelines.registry import is_trained
 from pipelines.workspace import Workspace
 from services.lake.schemas import SCHEMAS
 
@@ -35,13 +36,11 @@ class Job:
         model: Its shape and loss.
         optimizer: How it is fitted.
         model_id: Its identity: name, seed and a digest of settings and data.
-        label: What tables and figures call it.
     """
 
     model: ModelSettings
     optimizer: TrainingSettings
     model_id: str
-    label: str
 
 
 class TrainWorker:
@@ -77,10 +76,7 @@ def jobs(config: Configuration, data: LearningData) -> list[Job]:
             )
             optimizer = config.training.optimizer.model_copy(update={"seed": seed})
             digest = fingerprint(model, optimizer, data.identity)
-            label = model.name
-            if len(config.training.seeds) > 1:
-                label += f" seed {seed}"
-            made.append(Job(model, optimizer, f"{model.name.lower()}-s{seed}-{digest}", label))
+            made.append(Job(model, optimizer, f"{model.name.lower()}-s{seed}-{digest}"))
     return made
 
 
@@ -94,22 +90,6 @@ def train(config: Configuration, workspace: Workspace, dataset_id: str) -> list[
     else:
         say(f"train: all {len(wanted)} models are there already")
     return [job.model_id for job in wanted]
-
-
-def is_trained(workspace: Workspace, model_id: str) -> bool:
-    """Whether a model is both recorded in the lake and whole on disk."""
-    lake = workspace.lake
-    if not lake.exists("models"):
-        return False
-    rows = lake.read("models", ["model_id"], where=f"model_id = '{model_id}'")
-    if rows.num_rows == 0:
-        return False
-    try:
-        checkpoint.load(workspace.home.models / model_id)
-    except ModelError as error:
-        say(f"train: model {model_id} is trained anew: {error}")
-        return False
-    return True
 
 
 def _train_missing(workspace: Workspace, data: LearningData, missing: list[Job]) -> None:
@@ -149,7 +129,8 @@ def _record(
         run.metrics(_learning_curve(model.history))
         run.metrics((f"best.{key}", value, 0) for key, value in metrics.items())
         run.figure(
-            learning_figure({job.label: records.learning_history(model.history)}), "learning.png"
+            learning_figure({job.model.name: records.learning_history(model.history)}),
+            "learning.png",
         )
         checkpoint.save(model, folder)
         run.artifacts(folder, "model")

@@ -68,7 +68,8 @@ def draw_distances(
         label = f"{name}: {share:.1f} % under {100 * close:g} cm"
         _stairs(axes, density, edges, label, styles[name])
     axes.set_xlim(0.0, DISTANCE_BIN * np.ceil(_quantile(samples, 0.995) / DISTANCE_BIN))
-    axes.set_ylim(bottom=0.0)
+    # Room above the curves for the legend.
+    axes.set_ylim(0.0, axes.get_ylim()[1] * (1.0 + 0.09 * len(samples)))
     axes.set_xlabel("distance of the closest foothold to an obstacle line (cm)")
     axes.set_ylabel("probability density (1/cm)")
     axes.set_title("(a) Obstacle avoidance")

@@ -89,7 +89,7 @@ def segment(
 
     settings = options.configuration(config, overrides)
     space = options.workspace(ctx, home, settings, create=False)
-    cut(settings, space, resolve(space, dataset))
+    cut(settings, space, resolve(space, dataset, settings.dataset_id if config else None))
 
 
 def train(
@@ -117,7 +117,7 @@ def train(
         cluster__workers=workers,
     )
     space = options.workspace(ctx, home, settings, create=False)
-    fit(settings, space, resolve(space, dataset))
+    fit(settings, space, resolve(space, dataset, settings.dataset_id if config else None))
 
 
 def evaluate(
@@ -139,7 +139,7 @@ def evaluate(
         config, overrides, evaluation__rollouts=rollouts, cluster__workers=workers
     )
     space = options.workspace(ctx, home, settings, create=False)
-    roll_out(settings, space, resolve(space, dataset))
+    roll_out(settings, space, resolve(space, dataset, settings.dataset_id if config else None))
 
 
 def report(
@@ -155,4 +155,6 @@ def report(
 
     settings = options.configuration(config, overrides)
     space = options.workspace(ctx, home, settings, create=False)
-    typer.echo(write(settings, space, resolve(space, dataset)))
+    typer.echo(
+        write(settings, space, resolve(space, dataset, settings.dataset_id if config else None))
+    )

@@ -137,7 +137,7 @@ def test_numbers_are_aligned_right_and_rounded(tmp_path):
         (0.0, "0"),
         (-0.01234, "−0.0123"),
         (12345.6, "12,346"),
-        (np.float64(0.5), "0.5"),
+        (np.float64(0.5), "0.500"),
         ("-x", "-x"),
     ],
 )
