@@ -24,6 +24,9 @@ CONFLICT_RETRIES = 20
 
 VERSION_KEY = "lmtr.schemaVersion"
 
+KEEP_LOG = {"delta.enableExpiredLogCleanup": "false"}
+"""Delta drops old versions after 30 days; a model must find its data for good."""
+
 BATCH_ROWS = 256
 
 Value: TypeAlias = Any
@@ -215,7 +218,7 @@ class Lake:
                 schema,
                 mode="ignore",
                 name=table,
-                configuration={VERSION_KEY: version_of(schema)},
+                configuration={VERSION_KEY: version_of(schema), **KEEP_LOG},
                 raise_if_key_not_exists=False,
             )
         return self._open(table)

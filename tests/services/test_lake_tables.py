@@ -2,6 +2,7 @@
 
 import re
 import time
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -242,3 +243,25 @@ def test_a_killed_writer_leaves_whole_batches_only(tmp_path, spawn):
         assert batches >= confirmed
         seeds = lake.read("datasets", ["seed"])["seed"].to_pylist()
         assert sorted(seeds) == sorted(list(range(1, batches + 1)) * rows)
+
+
+def test_a_task_whose_work_failed_is_a_row_without_a_trajectory(lake):
+    failed = {
+        "dataset_id": "a",
+        "index": 7,
+        "status": "error",
+        "message": "MemoryError",
+        "accepted": False,
+        "reject_reasons": ["not_converged:error"],
+        "cost_terms": [],
+        "constraint_violation": [("dynamics", 0.5)],
+        "violations": [],
+        "code_version": "0",
+        "config_hash": "0",
+        "created_at": datetime(2026, 11, 22, tzinfo=UTC),
+    }
+    rows = pa.Table.from_pylist([failed], schema=SCHEMAS["solutions"])
+    assert lake.append("solutions", rows, app_id="x", number=1)
+    found = lake.read("solutions").to_pylist()[0]
+    assert {name: found[name] for name in failed} == failed
+    assert all(found[name] is None for name in found.keys() - failed.keys())

@@ -11,7 +11,7 @@ from services.home import Home
 from services.tracking import Tracker, ui_command, ui_environment
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def tracker(tmp_path_factory):
     folder = tmp_path_factory.mktemp("tracking")
     return Tracker(f"sqlite:///{folder}/mlflow.db", folder / "artifacts")
