@@ -5,10 +5,12 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
+from lmtr.expert.constraints.dynamics import LEVER_ARM
 from lmtr.expert.layout import Layout
 from lmtr.expert.quantities import linear_map, quantity_layout
 from lmtr.expert.variables import pack, stance_points, unpack
-from lmtr.robot.model import ANYMAL
+from lmtr.geometry.rotation import rotation_matrix
+from lmtr.robot.model import ANYMAL, GRAVITY
 from lmtr.trajectory.sample import sample_base, sample_feet
 from lmtr.trajectory.trajectory import BASE_STEP
 
@@ -81,20 +83,35 @@ def test_range_of_motion_rows_are_offsets_of_the_sampled_feet(drawn):
     times = settings.range_of_motion_step * np.arange(1, len(rows) + 1)
     base, feet = sample_base(trajectory, times), sample_feet(trajectory, times)
     order = list(drawn.guess.order)
-    offset = feet.position[:, order] - base.position[:, None]
-    from_yaw = np.stack([np.cos(base.rpy[:, 2]), np.sin(base.rpy[:, 2])], axis=-1)
-    assert np.abs(base.rpy[:, :2]).max() < 0.1  # so that a planar turn says nearly all
-    forward = (offset[..., :2] * from_yaw[:, None]).sum(axis=-1)
-    expected = (forward - ANYMAL.nominal_feet_B[order, 0]) / ANYMAL.range_of_motion[0]
-    np.testing.assert_allclose(rows[..., 0], expected, atol=0.25)
+    arm_W = feet.position[:, order] - base.position[:, None]
+    arm_B = np.einsum("tji,tfj->tfi", rotation_matrix(base.rpy), arm_W)
+    offset = (arm_B - ANYMAL.nominal_feet_B[order]) / np.array(ANYMAL.range_of_motion)
+    np.testing.assert_allclose(rows, offset, atol=1e-9)
 
 
-def test_first_rows_of_dynamics_are_the_balance_of_forces(drawn):
+def test_dynamics_rows_are_the_balances_of_forces_and_moments(drawn):
     x = drawn.near_start(9)
     rows = np.array(drawn.problem.functions.constraints(x, drawn.parameters)).reshape(-1)
-    linear = rows[drawn.problem.rows["dynamics"]].reshape(-1, 6)[:, :3]
+    linear, angular = np.split(rows[drawn.problem.rows["dynamics"]].reshape(-1, 6), 2, axis=1)
     trajectory = unpack(x, drawn.guess, ANYMAL, drawn.settings.scope)
-    times = BASE_STEP * np.arange(len(linear))
-    force = sample_feet(trajectory, times).force.sum(axis=1) / ANYMAL.weight
-    needed = sample_base(trajectory, times).acceleration / 9.81 + np.array([0.0, 0.0, 1.0])
+    times = BASE_STEP * np.arange(1, len(linear) - 1)
+    linear, angular = linear[1:-1], angular[1:-1]
+    base, feet = sample_base(trajectory, times), sample_feet(trajectory, times)
+    force = feet.force.sum(axis=1) / ANYMAL.weight
+    needed = base.acceleration / GRAVITY + np.array([0.0, 0.0, 1.0])
     np.testing.assert_allclose(linear, force - needed, atol=1e-9)
+    # Moments are taken about the guess; the rows of forces carry them to the centre of mass.
+    reference = drawn.guess.trajectory.base_nodes[1:-1, 0, :3]
+    about_base = LEVER_ARM * angular - np.cross(base.position - reference, linear)
+    moment = np.cross(feet.position - base.position[:, None], feet.force).sum(axis=1)
+    step = 1e-5
+    spin = (_spin(trajectory, times + step) - _spin(trajectory, times - step)) / (2.0 * step)
+    np.testing.assert_allclose(about_base * ANYMAL.weight, moment - spin, atol=1e-3)
+
+
+def _spin(trajectory, times):
+    """Angular momentum about the centre of mass, world axes, (M, 3) in N·m·s."""
+    base = sample_base(trajectory, times)
+    rotation = rotation_matrix(base.rpy)
+    omega_B = np.einsum("tji,tj->ti", rotation, base.angular_velocity)
+    return np.einsum("tij,jk,tk->ti", rotation, ANYMAL.inertia_B, omega_B)
