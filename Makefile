@@ -43,7 +43,7 @@ types: install
 	$(BIN)/mypy
 
 test-fast: install
-	$(BIN)/pytest -m 'not slow' -n 2
+	$(BIN)/pytest -m "not slow" -n 2 --dist loadfile
 
 test-slow: install  ## The tests that take minutes
 	$(BIN)/pytest -m slow

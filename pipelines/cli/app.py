@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from typer.exceptions import TyperException
 
 from lmtr import __version__
 from lmtr.errors import LmtrError
@@ -20,7 +21,6 @@ app = typer.Typer(
     help="Expert skill-spaces for replanning quadruped locomotion: generate expert data, train "
     "replanners, compare them in rollouts.\n\n"
     "Start with `lmtr run demo`; then look with `lmtr query`, `lmtr show` and `lmtr ui`.",
-    no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
     rich_markup_mode="markdown",
@@ -51,11 +51,14 @@ care.register(app)
 def main() -> None:
     """Run the command line; faults that a user can mend are one line and exit status 2."""
     try:
-        app()
+        sys.exit(app(args=sys.argv[1:] or ["--help"], standalone_mode=False))
     except (LmtrError, ServiceError) as error:
         _complain(str(error))
         sys.exit(EXIT_BAD_INPUT)
-    except KeyboardInterrupt:
+    except TyperException as error:
+        _complain(f"{error.format_message().rstrip('.')}; see `lmtr --help`")
+        sys.exit(EXIT_BAD_INPUT)
+    except (KeyboardInterrupt, typer.Abort):
         _complain("interrupted; what was finished is kept: run the same command to go on")
         sys.exit(EXIT_INTERRUPTED)
 

@@ -34,6 +34,13 @@ class Shown(StrEnum):
     ROLLOUT = "rollout"
 
 
+class Film(StrEnum):
+    """Kinds of animation."""
+
+    GIF = "gif"
+    MP4 = "mp4"
+
+
 def register(app: typer.Typer) -> None:
     """Add the commands to the application."""
     panel = "Look"
@@ -112,8 +119,8 @@ def show(
         bool, typer.Option("--animation/--no-animation", help="Also draw the animation.")
     ] = True,
     form: Annotated[
-        str, typer.Option("--format", help="Kind of animation: gif, or mp4 where ffmpeg is there.")
-    ] = "gif",
+        Film, typer.Option("--format", help="Kind of animation; mp4 needs ffmpeg.")
+    ] = Film.GIF,
     home: HomeOption = None,
 ) -> None:
     """Draw a solution or a rollout: top view, gait diagram, and an animation."""
@@ -121,5 +128,5 @@ def show(
 
     space = options.workspace(ctx, home, create=False)
     draw = show_solution if what is Shown.SOLUTION else show_rollout
-    for path in draw(space, name, out, animation_format=form if animation else None):
+    for path in draw(space, name, out, animation_format=str(form) if animation else None):
         typer.echo(path)

@@ -63,7 +63,9 @@ _VERDICT = (
     column("iterations", pa.int32(), "iterations of the optimizer", nullable=True),
     column("solve_cpu_s", REAL, "processor time of the solve", unit="s", nullable=True),
     column("liftoff_swaps", pa.int32(), "lift-offs that changed order", nullable=True),
-    column("order", pa.list_(pa.int8()), "feet in the order of their first swings", nullable=True),
+    column(
+        "gait_order", pa.list_(pa.int8()), "feet in the order of their first swings", nullable=True
+    ),
 )
 
 _TASK = (
