@@ -212,9 +212,10 @@ def test_a_rollout_that_leaves_the_plausible_range_ends_and_the_others_go_on(
     for tasks, expected in zip(breaking.tasks[5:], unbroken.tasks[5:], strict=True):
         np.testing.assert_array_equal(tasks, expected[[0, 2]])
     assert_equal_motions(rollouts[2].motion, whole[2].motion)
-    np.testing.assert_array_equal(
-        ended.motion.base_position_W, whole[1].motion.base_position_W[:13]
-    )
+    # The last sample ends one plan here and begins the next one there: equal to rounding.
+    expected = whole[1].motion.base_position_W[:13]
+    np.testing.assert_array_equal(ended.motion.base_position_W[:-1], expected[:-1])
+    np.testing.assert_allclose(ended.motion.base_position_W[-1], expected[-1], atol=1e-12)
 
 
 def test_a_plan_that_fails_at_once_leaves_the_start(oracle, short):
