@@ -2,6 +2,9 @@
 
 import pytest
 
+from pipelines.config import load
+from services.home import Home
+
 
 def refused(outcome, *words):
     status, _, err = outcome
@@ -89,6 +92,12 @@ def test_a_table_that_is_not_there_names_the_command_that_makes_it(lmtr, tiny_co
     home = tmp_path / "home"
     assert lmtr("generate", "-c", tiny_config, "--solutions", 1, "--home", home)[0] == 0
     refused(lmtr("train", "--home", home), "segments", "lmtr segment")
+
+
+def test_a_second_driver_on_the_same_data_set_is_told_so(lmtr, tiny_home, tiny_config):
+    dataset_id = load(str(tiny_config)).dataset_id
+    with Home.open(tiny_home, create=False).lock(f"generate-{dataset_id}"):
+        refused(lmtr("generate", "-c", tiny_config, "--home", tiny_home), dataset_id)
 
 
 def test_the_home_may_stand_before_the_command_or_in_the_environment(lmtr, tiny_home, monkeypatch):
