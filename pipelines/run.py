@@ -1,5 +1,8 @@
 """All stages in a row: from a configuration to a report."""
 
+import shlex
+import shutil
+import sys
 import time
 from pathlib import Path
 
@@ -31,10 +34,23 @@ def run(config: Configuration, workspace: Workspace) -> Path:
 
 
 def _tell_what_next(workspace: Workspace, page: Path) -> None:
-    home = workspace.home.root
-    say(f"Report:      {page}")
-    say(f"Experiments: lmtr --home {home} ui")
+    command = f"{_command()} --home {shlex.quote(str(_short(workspace.home.root)))}"
+    say(f"Report:      {_short(page)}")
+    say(f"Experiments: {command} ui")
     say(
-        f'A query:     lmtr --home {home} query "SELECT replanner, '
-        "summary['close_share'] AS close FROM evaluations ORDER BY close\""
+        f"A query:     {command} query \"SELECT replanner, summary['close_share'] AS close "
+        'FROM evaluations ORDER BY close"'
     )
+
+
+def _command() -> str:
+    """How the user calls ``lmtr`` here: by name where it is on the path."""
+    if shutil.which("lmtr") is not None:
+        return "lmtr"
+    return shlex.quote(str(_short(Path(sys.argv[0]).absolute())))
+
+
+def _short(path: Path) -> Path:
+    """The path as seen from here, where it lies below."""
+    here = Path.cwd()
+    return path.relative_to(here) if path.is_relative_to(here) else path
