@@ -2,8 +2,8 @@
 
     python benchmarks/expert.py --tasks 50 --out expert.json
 
-Tasks and noise are those of ``stream(seed, index)``, so two runs differ in nothing but time. The
-second round, without the obstacle cost, shows what that cost does to the closest foothold.
+Tasks and noise are those of a data set with the same seed, so two runs differ in nothing but time.
+The second round, without the obstacle cost, shows what that cost does to the closest foothold.
 """
 
 import json
@@ -21,7 +21,8 @@ from lmtr.expert.settings import ExpertSettings
 from lmtr.expert.solve import Expert, Solution, Status
 from lmtr.geometry.line import signed_distance
 from lmtr.robot.model import ROBOTS
-from lmtr.task.sampling import TaskDistribution, sample_noise, sample_task, stream
+from lmtr.streams import Purpose, stream
+from lmtr.task.sampling import TaskDistribution, sample_noise, sample_task
 from lmtr.task.task import Task
 
 Row = dict[str, float]
@@ -67,7 +68,7 @@ def main(
 
 def solve(expert: Expert, seed: int, index: int) -> Row:
     """Figures of one solve."""
-    distribution, rng = TaskDistribution(), stream(seed, index)
+    distribution, rng = TaskDistribution(), stream(seed, Purpose.TASK, index)
     task = sample_task(distribution, expert.robot, rng)
     noise = sample_noise(distribution, expert.settings.scope.n_swings, rng)
     solution = expert.solve(task, noise)

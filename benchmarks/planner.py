@@ -23,7 +23,8 @@ from lmtr.policies.nearest_neighbour import TaskIndex
 from lmtr.replanners.build import build_replanner
 from lmtr.robot.model import ANYMAL
 from lmtr.segmentation.segment import SegmentationSettings, segment_solution
-from lmtr.task.sampling import TaskDistribution, sample_noise, sample_task, stream
+from lmtr.streams import Purpose, stream
+from lmtr.task.sampling import TaskDistribution, sample_noise, sample_task
 
 ROWS = 25_000
 CALLS = 2_000
@@ -34,7 +35,7 @@ def segments() -> Iterator[tuple[np.ndarray, np.ndarray]]:
     distribution, scope, settings = TaskDistribution(), Scope(), SegmentationSettings()
     index = 0
     while True:
-        rng = stream(0, index)
+        rng = stream(0, Purpose.TASK, index)
         task = sample_task(distribution, ANYMAL, rng)
         noise = sample_noise(distribution, scope.n_swings, rng)
         walk = initial_guess(task, noise, ANYMAL, scope).trajectory

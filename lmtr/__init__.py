@@ -4,7 +4,7 @@ Data flows one way through the packages, and each imports only from those before
 
 ``geometry`` → ``robot`` → ``spline`` → ``trajectory`` → ``task`` → ``vectors`` →
 ``quality`` → ``expert`` → ``segmentation`` → ``models`` → ``policies`` → ``replanners`` →
-``rollout`` → ``figures``.
+``rollout`` → ``figures``. Beneath them all lie ``arrays``, ``settings``, ``streams``, ``errors``.
 
 Nothing here knows of Ray, MLflow, DuckDB or the layout of a disk; CasADi is imported by
 ``expert`` alone, torch by ``models`` and what builds on it.

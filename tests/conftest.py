@@ -12,7 +12,8 @@ from lmtr.expert.initial_guess import base_control_points, initial_guess
 from lmtr.expert.settings import Scope
 from lmtr.robot.model import ANYMAL
 from lmtr.spline.bspline import hermite_nodes
-from lmtr.task.sampling import TaskDistribution, sample_noise, sample_task, stream
+from lmtr.streams import Purpose, stream
+from lmtr.task.sampling import TaskDistribution, sample_noise, sample_task
 from lmtr.task.task import Task
 from lmtr.trajectory.trajectory import BASE_STEP, Trajectory
 
@@ -44,7 +45,7 @@ def started_gently(path: np.ndarray) -> np.ndarray:
 @cache
 def make_walk(seed: int) -> Walk:
     """The expert's noisy first guess, made livelier: swaying base, forces in all directions."""
-    rng, scope = stream(seed, 0), Scope()
+    rng, scope = stream(seed, Purpose.TASK, 0), Scope()
     distribution = TaskDistribution()
     task = sample_task(distribution, ANYMAL, rng)
     noise = sample_noise(distribution, scope.n_swings, rng)

@@ -17,8 +17,8 @@ import casadi as ca
 import numpy as np
 import scipy.sparse as sp
 
+from lmtr.arrays import Indices
 from lmtr.expert.element import Element
-from lmtr.expert.layout import Index
 from lmtr.expert.quantities import LinearMap
 from lmtr.expert.scatter import Scatter, to_casadi
 
@@ -31,7 +31,7 @@ class Placed:
     first_row: int
 
     @property
-    def rows(self) -> Index:
+    def rows(self) -> Indices:
         """Rows of each instance, (K, r)."""
         return self.element.instances.rows + self.first_row
 
@@ -225,7 +225,7 @@ def _nonzeros(matrix: ca.SX) -> ca.SX:
     return ca.SX(ca.Sparsity.dense(matrix.nnz(), 1), matrix.nz[:])
 
 
-def _gather(vector: ca.MX, index: Index) -> ca.MX:
+def _gather(vector: ca.MX, index: Indices) -> ca.MX:
     """Entries of a vector at index (K, n), as a matrix (n, K)."""
     count, size = index.shape
     if size == 0:

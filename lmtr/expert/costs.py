@@ -8,17 +8,14 @@ motion, whose rows it shares.
 import casadi as ca
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array, Indices
 from lmtr.expert.context import Context
 from lmtr.expert.element import Element, Instances, instances, symbols
-from lmtr.expert.layout import Index
 from lmtr.expert.quantities import MAX_OBSTACLES
 from lmtr.expert.variables import stance_points
 from lmtr.robot.model import N_FEET
 from lmtr.trajectory.trajectory import BASE_STEP
-
-Array = NDArray[np.float64]
 
 
 def costs(context: Context) -> list[Element]:
@@ -27,7 +24,7 @@ def costs(context: Context) -> list[Element]:
     position, rpy = quantities["position"][nodes], quantities["rpy"][nodes]
     points = quantities["forces"].reshape(-1, 3)
 
-    def squares(name: str, chosen: Index, unit: float, target: float = 0.0) -> Element:
+    def squares(name: str, chosen: Indices, unit: float, target: float = 0.0) -> Element:
         return _squares(name, chosen, context.parameters[name], unit, target)
 
     return [
@@ -45,11 +42,11 @@ def costs(context: Context) -> list[Element]:
     ]
 
 
-def _weighted(chosen: Index, weight: Index) -> Instances:
+def _weighted(chosen: Indices, weight: Indices) -> Instances:
     return instances([chosen], [np.broadcast_to(weight, (len(chosen), 1))])
 
 
-def _squares(name: str, chosen: Index, weight: Index, unit: float, target: float) -> Element:
+def _squares(name: str, chosen: Indices, weight: Indices, unit: float, target: float) -> Element:
     """Weight · unit · Σ (quantity − target)²."""
     where = _weighted(chosen, weight)
     inputs = symbols(where)
@@ -125,7 +122,7 @@ def _obstacles(context: Context) -> Element:
     )
 
 
-def _proximal(name: str, chosen: Index, context: Context) -> Element:
+def _proximal(name: str, chosen: Indices, context: Context) -> Element:
     """No cost, but the Hessian of ½ρ·Δ² around every iterate."""
     where = _weighted(chosen, context.parameters["proximal"])
     inputs = symbols(where)

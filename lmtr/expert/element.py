@@ -11,9 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from lmtr.expert.layout import Index
-
-Array = NDArray[np.float64]
+from lmtr.arrays import Array, Indices
 
 
 @dataclass(frozen=True)
@@ -37,10 +35,10 @@ class Instances:
             that share a row add up. Costs have r = 0.
     """
 
-    quantities: Index
-    parameters: Index
+    quantities: Indices
+    parameters: Indices
     constants: Array
-    rows: Index
+    rows: Indices
 
     def __len__(self) -> int:
         return len(self.quantities)
@@ -84,15 +82,15 @@ def symbols(instances: Instances) -> Symbols:
 
 
 def instances(
-    quantities: list[Index],
-    parameters: list[Index] | None = None,
+    quantities: list[Indices],
+    parameters: list[Indices] | None = None,
     constants: list[NDArray[np.floating]] | None = None,
-    rows: list[Index] | None = None,
+    rows: list[Indices] | None = None,
 ) -> Instances:
     """Instances whose inputs are the columns (K, …) given, side by side."""
     count = len(quantities[0])
 
-    def columns(parts: list[Index] | None) -> Index:
+    def columns(parts: list[Indices] | None) -> Indices:
         if not parts:
             return np.zeros((count, 0), dtype=np.intp)
         return np.concatenate([np.reshape(part, (count, -1)) for part in parts], axis=1)

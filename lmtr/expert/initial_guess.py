@@ -7,8 +7,8 @@ the feet walk under it, beginning with the one furthest back; the forces share t
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.expert.settings import Scope
 from lmtr.geometry.rotation import wrap_angle
 from lmtr.geometry.se2 import SE2
@@ -17,8 +17,6 @@ from lmtr.spline.bspline import hermite_nodes
 from lmtr.task.sampling import Noise, gait_order
 from lmtr.task.task import Task
 from lmtr.trajectory.trajectory import BASE_STEP, FORCE_PIECES, Trajectory
-
-Array = NDArray[np.float64]
 
 STANDING_SHARE = 0.30
 """Share of the weight at every free force node: between a quarter (four feet) and a third."""

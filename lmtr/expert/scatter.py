@@ -3,11 +3,8 @@
 import casadi as ca
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
-from lmtr.expert.layout import Index
-
-Array = NDArray[np.float64]
+from lmtr.arrays import Array, Indices
 
 
 class Scatter:
@@ -17,7 +14,11 @@ class Scatter:
     """
 
     def __init__(
-        self, rows: Index, columns: Index, source: Index | None = None, factor: Array | None = None
+        self,
+        rows: Indices,
+        columns: Indices,
+        source: Indices | None = None,
+        factor: Array | None = None,
     ) -> None:
         self.rows, self.columns = rows, columns
         self.source = np.arange(len(rows)) if source is None else source

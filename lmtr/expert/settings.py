@@ -2,15 +2,16 @@
 
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import model_validator
 
+from lmtr.settings import Count, NonNegative, Positive, Settings, ascending
 from lmtr.trajectory.trajectory import BASE_STEP
 
-Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Bounds = Annotated[tuple[Positive, Positive], ascending(strictly=True)]
+"""Lower and upper bound; an interior point needs room between them."""
 
 
-class Scope(BaseModel):
+class Scope(Settings):
     """The long scope s̄ = (T̄, N̄_p) and the nominal walk that fills it.
 
     Attributes:
@@ -21,10 +22,8 @@ class Scope(BaseModel):
         clearance: Height of the middle of a swing (m).
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
     duration: Positive = 7.5
-    n_swings: Annotated[int, Field(ge=1)] = 6
+    n_swings: Count = 6
     swing_share: Positive = 0.28
     first_liftoff: Positive = 0.2
     clearance: Positive = 0.08
@@ -52,7 +51,7 @@ class Scope(BaseModel):
         )
 
 
-class CostWeights(BaseModel):
+class CostWeights(Settings):
     """Weights of the expert's costs c (Eq. 2); every one may be changed without recompiling.
 
     Attributes:
@@ -71,8 +70,6 @@ class CostWeights(BaseModel):
             (per m²).
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
     acceleration: NonNegative = 0.02
     angular_acceleration: NonNegative = 0.01
     tilt: NonNegative = 0.4
@@ -85,7 +82,7 @@ class CostWeights(BaseModel):
     swing_drift: NonNegative = 1.0
 
 
-class Limits(BaseModel):
+class Limits(Settings):
     """Bounds of the expert's problem; friction and range of motion are the robot's.
 
     Attributes:
@@ -100,26 +97,16 @@ class Limits(BaseModel):
         swing_height: Lowest and highest middle of a swing above the ground (m).
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    swing: tuple[Positive, Positive] = (0.2, 0.7)
-    stance: tuple[Positive, Positive] = (0.2, 2.5)
+    swing: Bounds = (0.2, 0.7)
+    stance: Bounds = (0.2, 2.5)
     window: Positive = 0.5
     force: Positive = 1.5
     height: Positive = 0.15
     tilt: Positive = 0.6
-    swing_height: tuple[Positive, Positive] = (0.04, 0.16)
-
-    @model_validator(mode="after")
-    def _ranges_ascend(self) -> "Limits":
-        for name in ("swing", "stance", "swing_height"):
-            low, high = getattr(self, name)
-            if low >= high:
-                raise ValueError(f"{name} must ascend, got ({low}, {high}); swap its two values")
-        return self
+    swing_height: Bounds = (0.04, 0.16)
 
 
-class SolverSettings(BaseModel):
+class SolverSettings(Settings):
     """Settings of the interior-point method.
 
     Attributes:
@@ -133,17 +120,15 @@ class SolverSettings(BaseModel):
             curvature that is left out on purpose and moves no optimum.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    max_iterations: Annotated[int, Field(ge=1)] = 200
+    max_iterations: Count = 200
     tolerance: Positive = 1e-3
     constraint_tolerance: Positive = 1e-4
     early_objective_change: Positive = 2e-4
-    early_iterations: Annotated[int, Field(ge=1)] = 3
+    early_iterations: Count = 3
     proximal: NonNegative = 2.0
 
 
-class ExpertSettings(BaseModel):
+class ExpertSettings(Settings):
     """Everything that defines the expert but the robot.
 
     Attributes:
@@ -156,8 +141,6 @@ class ExpertSettings(BaseModel):
             0.1 s stance feet leave it by centimetres in between.
         solver: Settings of the solver.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     scope: Scope = Scope()
     obstacle_weight: NonNegative = 0.5

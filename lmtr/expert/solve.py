@@ -10,8 +10,8 @@ from itertools import combinations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.expert.compilation import compiled
 from lmtr.expert.formulation import formulate, parameter_values
 from lmtr.expert.initial_guess import InitialGuess, initial_guess
@@ -24,8 +24,6 @@ from lmtr.task.task import Task
 from lmtr.trajectory.trajectory import Trajectory
 
 __all__ = ["Expert", "Solution", "Status"]
-
-Array = NDArray[np.float64]
 
 WINDOW_MARGIN = 1e-3
 """Distance to the edge of a timing window at which it counts as touched (s)."""

@@ -10,12 +10,10 @@ from enum import StrEnum
 import casadi as ca
 import numpy as np
 import threadpoolctl
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.expert.formulation import Formulation
 from lmtr.expert.settings import SolverSettings
-
-Array = NDArray[np.float64]
 
 
 class Status(StrEnum):

@@ -3,13 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.expert.initial_guess import contact_times
 from lmtr.expert.settings import ExpertSettings
 from lmtr.robot.model import N_FEET
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,10 @@ from matplotlib.animation import FFMpegWriter
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from PIL import Image, ImageColor
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from lmtr.arrays import Array
 from lmtr.errors import ConfigurationError
 from lmtr.figures.gait_diagram import draw_gait
 from lmtr.figures.resample import resampled
@@ -20,9 +20,8 @@ from lmtr.figures.scene import Camera, Scene, scene_key
 from lmtr.figures.style import FOOT_COLOURS, FORCE, INK, LIMIT_BOX, OBSTACLE, PYRAMID, styled
 from lmtr.figures.top_view import require_drawable
 from lmtr.robot.model import RobotModel
+from lmtr.settings import Settings
 from lmtr.trajectory.motion import Motion
-
-Array = NDArray[np.float64]
 
 FOLLOW_TIME = 1.0
 """The camera follows the base's path averaged over this time (s), so that sway stays visible."""
@@ -34,7 +33,7 @@ GIF_COLOURS = 96
 """Colours in a GIF's palette: enough for these pictures without dithering, and small."""
 
 
-class AnimationSettings(BaseModel):
+class AnimationSettings(Settings):
     """How a motion becomes a moving picture.
 
     Attributes:
@@ -44,8 +43,6 @@ class AnimationSettings(BaseModel):
         azimuth: Direction from the robot to the camera about z, from the world's x (deg).
         elevation: Angle of the camera above the ground (deg).
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     fps: Annotated[int, Field(ge=1, le=50)] = 15
     speed: Annotated[float, Field(gt=0.0, le=10.0)] = 1.0

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lmtr.arrays import Array
 from lmtr.errors import DataError
 from lmtr.figures.style import ACCEPTED, FULL_WIDTH, GUESS, HALF_WIDTH, INK, REJECTED, styled
-
-Array = NDArray[np.float64]
 
 _BINS = 40
 _COLUMNS = 3

@@ -5,12 +5,11 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lmtr.arrays import Array
 from lmtr.errors import DataError
 from lmtr.figures.style import FULL_WIDTH, SeriesStyle, Styles, styled, styles_for
-
-Array = NDArray[np.float64]
 
 DISTANCE_BIN = 2.0
 """Width of a bin of foothold distances (cm)."""

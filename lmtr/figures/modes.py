@@ -9,13 +9,11 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d import Axes3D
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.errors import DataError
 from lmtr.figures.style import FOOT_COLOURS, FULL_WIDTH, styled
 from lmtr.robot.model import FEET, N_FEET
-
-Array = NDArray[np.float64]
 
 COLUMNS = 3
 """Panels in one row, at most."""

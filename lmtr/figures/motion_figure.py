@@ -3,14 +3,12 @@
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.figures.gait_diagram import draw_gait, phase_key
 from lmtr.figures.style import FULL_WIDTH, styled
 from lmtr.figures.top_view import draw_top_view, ground_window, require_drawable, top_view_key
 from lmtr.trajectory.motion import Motion
-
-Array = NDArray[np.float64]
 
 _GAIT_HEIGHT = 1.5
 _STATE_HEIGHT = 1.15

@@ -1,12 +1,10 @@
 """A sampled motion at other times, for pictures that follow each other faster than its samples."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array, Flags
 from lmtr.robot.model import N_FEET
 from lmtr.trajectory.motion import Footholds, Motion
-
-Array = NDArray[np.float64]
 
 
 def resampled(motion: Motion, times: Array) -> Motion:
@@ -40,7 +38,7 @@ def _interpolated(samples: Array, values: Array, times: Array) -> Array:
     return np.stack(rows, axis=-1).reshape(len(times), *values.shape[1:])
 
 
-def _stances(footholds: Footholds, times: Array) -> tuple[NDArray[np.bool_], Array]:
+def _stances(footholds: Footholds, times: Array) -> tuple[Flags, Array]:
     """Whether each foot stands (M, 4), and where (M, 4, 2) in m; a change is the later phase's."""
     contact = np.zeros((len(times), N_FEET), dtype=bool)
     place = np.zeros((len(times), N_FEET, 2))

@@ -10,14 +10,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.figures.style import FOOT_COLOURS, FORCE, INK, LIMIT_BOX, OBSTACLE, PYRAMID
 from lmtr.geometry.rotation import rotation_matrix
 from lmtr.robot.model import FEET, N_FEET, RobotModel
 from lmtr.trajectory.motion import Motion
-
-Array = NDArray[np.float64]
 
 GROUND_RADIUS = 1.15
 """Radius of the disc of ground that is drawn around the robot (m)."""

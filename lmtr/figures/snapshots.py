@@ -2,16 +2,15 @@
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lmtr.arrays import Array
 from lmtr.errors import ConfigurationError
 from lmtr.figures.scene import ASPECT, Camera, Scene, sample_at, scene_key
 from lmtr.figures.style import FULL_WIDTH, styled
 from lmtr.figures.top_view import require_drawable
 from lmtr.robot.model import RobotModel
 from lmtr.trajectory.motion import Motion
-
-Array = NDArray[np.float64]
 
 COLUMNS = 3
 """Snapshots in one row."""

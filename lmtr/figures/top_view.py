@@ -7,16 +7,14 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.patheffects import withStroke
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.errors import DataError
 from lmtr.figures.style import FOOT_COLOURS, INK, OBSTACLE
 from lmtr.geometry.line import signed_distance
 from lmtr.robot.model import FEET
 from lmtr.trajectory.motion import Motion
 from lmtr.trajectory.trajectory import BASE_STEP
-
-Array = NDArray[np.float64]
 
 MARGIN = 0.15
 """Ground shown around everything drawn (m)."""

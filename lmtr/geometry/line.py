@@ -4,11 +4,9 @@ The paper's obstacles are such lines, without width or end (Sec. 4.2). Arrays (.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.geometry.se2 import SE2
-
-Array = NDArray[np.float64]
 
 
 def signed_distance(lines: Array, points: Array) -> Array:

@@ -7,9 +7,8 @@ them, so that the optimizer (CasADi) and everything else (NumPy) share one formu
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from lmtr.arrays import Array
 
 
 class Trigonometry(Protocol):

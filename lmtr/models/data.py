@@ -3,14 +3,10 @@
 from dataclasses import dataclass
 from typing import Self
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lmtr.arrays import Array
 from lmtr.errors import DataError
 from lmtr.models.rows import finite_rows
 from lmtr.vectors.layout import Layout
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

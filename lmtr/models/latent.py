@@ -1,9 +1,8 @@
 """What the latent space is used for: divergence per dimension and active dimensions (Sec. 4.3)."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from lmtr.arrays import Array, Flags
 
 ACTIVE_VARIANCE = 0.01
 """A dimension of z is active when its mean μ varies over the data by more than this; the prior's
@@ -21,6 +20,6 @@ def kl_per_dimension(mu: Array, sigma: Array) -> Array:
     return np.asarray(divergence.mean(axis=0))
 
 
-def active_dimensions(mu: Array) -> NDArray[np.bool_]:
+def active_dimensions(mu: Array) -> Flags:
     """Which dimensions of z the model uses, (n,), by the variance of μ (B, n) over the data."""
     return np.asarray(mu.var(axis=0) > ACTIVE_VARIANCE)

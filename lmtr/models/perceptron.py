@@ -10,11 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.models.settings import Activation
-
-Array = NDArray[np.float64]
 
 
 def _elu(h: Array) -> Array:

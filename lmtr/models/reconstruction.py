@@ -1,19 +1,14 @@
 """Errors of predicted segments in units that a person can judge."""
 
-from typing import Annotated
-
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
 
+from lmtr.arrays import Array
 from lmtr.robot.model import FEET
+from lmtr.settings import NonNegative, Settings
 from lmtr.vectors.layout import SEGMENT_LAYOUT, Layout
 
-Array = NDArray[np.float64]
-Error = Annotated[float, Field(ge=0.0)]
 
-
-class ReconstructionErrors(BaseModel):
+class ReconstructionErrors(Settings):
     """Means over segments and over all quantities of a kind.
 
     Attributes:
@@ -24,12 +19,10 @@ class ReconstructionErrors(BaseModel):
             weight.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    base_position_mm: Error
-    times_ms: Error
-    second_foothold_mm: Error
-    forces_weights: Error
+    base_position_mm: NonNegative
+    times_ms: NonNegative
+    second_foothold_mm: NonNegative
+    forces_weights: NonNegative
 
 
 def reconstruction_errors(

@@ -1,13 +1,10 @@
 """The history of one training, epoch by epoch, as it is reported and stored."""
 
-from typing import Annotated
-
-from pydantic import BaseModel, ConfigDict, Field
-
 from lmtr.models.reconstruction import ReconstructionErrors
+from lmtr.settings import Count, Settings
 
 
-class ValidationRecord(BaseModel):
+class ValidationRecord(Settings):
     """What the model does on data it has not seen.
 
     Attributes:
@@ -19,8 +16,6 @@ class ValidationRecord(BaseModel):
         errors: Errors of reconstructions from the mean mode μ, in physical units.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
     loss: float
     reconstruction: float
     kl: float
@@ -28,7 +23,7 @@ class ValidationRecord(BaseModel):
     errors: ReconstructionErrors
 
 
-class EpochRecord(BaseModel):
+class EpochRecord(Settings):
     """One pass over the training data.
 
     Attributes:
@@ -40,9 +35,7 @@ class EpochRecord(BaseModel):
         validation: The look at the validation data after it, where there was one.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    epoch: Annotated[int, Field(ge=1)]
+    epoch: Count
     learning_rate: float
     loss: float
     reconstruction: float

@@ -1,12 +1,11 @@
 """The check that every table of tasks, segments or modes passes before it is used."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from lmtr.arrays import Array
 from lmtr.errors import DataError
 from lmtr.vectors.layout import Layout
-
-Array = NDArray[np.float64]
 
 
 def finite_rows(name: str, rows: ArrayLike, layout: Layout) -> Array:

@@ -2,16 +2,14 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-Count = Annotated[int, Field(ge=1)]
+from lmtr.settings import Count, NonNegative, Positive, Seed, Settings
 
 Activation = Literal["elu", "relu", "tanh"]
 
 
-class ModelSettings(BaseModel):
+class ModelSettings(Settings):
     """What the CVAE is and what it is fitted to.
 
     ``kappa`` means nothing without ``reduction`` and the scaling of τ: with the L1 norm as a sum
@@ -28,8 +26,6 @@ class ModelSettings(BaseModel):
         task_noise: Standard deviation of the Gaussian noise on task inputs in training, in units
             of each task dimension's standard deviation; the paper's 1 %.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     latent: Annotated[int, Field(ge=0)] = 6
     hidden: tuple[Count, ...] = (64, 64, 264, 264)
@@ -55,7 +51,7 @@ class ModelSettings(BaseModel):
         return f"LMTR-{self.latent}" if self.latent else "unimodal"
 
 
-class TrainingSettings(BaseModel):
+class TrainingSettings(Settings):
     """How the CVAE is fitted, with Adam on Eq. 5.
 
     Attributes:
@@ -72,15 +68,13 @@ class TrainingSettings(BaseModel):
         device: ``auto`` takes a GPU where there is one.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
     epochs: Count = 80
     batch_size: Count = 512
     learning_rate: Positive = 4e-3
     schedule: Literal["one_cycle", "cosine"] = "one_cycle"
     validate_every: Count = 2
     patience: Count | None = 20
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    seed: Seed = 0
     threads: Count = 1
     device: Literal["auto", "cpu", "cuda"] = "auto"
 

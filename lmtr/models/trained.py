@@ -6,8 +6,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.errors import DataError
 from lmtr.models.perceptron import Affine, Perceptron
 from lmtr.models.record import EpochRecord
@@ -16,8 +16,6 @@ from lmtr.models.settings import ModelSettings, TrainingSettings
 from lmtr.robot.model import RobotModel
 from lmtr.vectors.layout import Layout
 from lmtr.vectors.scaling import Standardiser
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,20 +9,18 @@ within about a radian of square to it, α ≈ π/2, and the regressor sees the s
 """
 
 from collections.abc import Sequence
-from typing import Annotated, Self
+from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import model_validator
 
+from lmtr.arrays import Array
 from lmtr.errors import ConfigurationError
+from lmtr.settings import NonNegative, Settings
 from lmtr.vectors.layout import TASK_LAYOUT, Layout
 
-Array = NDArray[np.float64]
-Weight = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 
-
-class TaskWeights(BaseModel):
+class TaskWeights(Settings):
     """Weight of each category of the task, per standardised dimension.
 
     Attributes:
@@ -32,12 +30,10 @@ class TaskWeights(BaseModel):
         gamma: Goal.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    chi_base: Weight = 1.0
-    chi_feet: Weight = 1.0
-    eta: Weight = 1.0
-    gamma: Weight = 1.0
+    chi_base: NonNegative = 1.0
+    chi_feet: NonNegative = 1.0
+    eta: NonNegative = 1.0
+    gamma: NonNegative = 1.0
 
     @model_validator(mode="after")
     def _tells_tasks_apart(self) -> Self:

@@ -3,11 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.models.trained import TrainedModel
-
-Array = NDArray[np.float64]
 
 CHUNK = 4096
 """Rows encoded at once, to bound memory."""

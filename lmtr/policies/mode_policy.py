@@ -4,15 +4,14 @@ from hashlib import blake2b
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.errors import DataError
 from lmtr.policies.distance import TaskWeights
 from lmtr.policies.mode_library import ModeLibrary
 from lmtr.policies.nearest_neighbour import TaskIndex
+from lmtr.streams import Purpose, stream
 from lmtr.vectors.scaling import Standardiser
-
-Array = NDArray[np.float64]
 
 
 class ModePolicy(Protocol):
@@ -129,8 +128,8 @@ class PriorModePolicy:
         z = np.empty((len(x), self.latent))
         for row, task in enumerate(np.ascontiguousarray(x, dtype=np.float64)):
             digest = blake2b(task.tobytes(), digest_size=8).digest()
-            stream = np.random.default_rng([self._seed, int.from_bytes(digest, "little")])
-            z[row] = stream.standard_normal(self.latent)
+            rng = stream(self._seed, Purpose.PRIOR, int.from_bytes(digest, "little"))
+            z[row] = rng.standard_normal(self.latent)
         return z
 
     def describe(self) -> dict[str, Any]:

@@ -11,13 +11,14 @@ import faiss
 import numpy as np
 from numpy.typing import NDArray
 
+from lmtr.arrays import Array, Flags
 from lmtr.errors import DataError
 from lmtr.models.rows import finite_rows
 from lmtr.policies.distance import TaskWeights
 from lmtr.vectors.scaling import Standardiser
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+Rows = NDArray[np.int64]
+"""Rows of the library, as FAISS counts them."""
 
 SPARE = 8
 """Candidates beyond the k asked for, to see whether the k-th is tied."""
@@ -70,7 +71,7 @@ class TaskIndex:
         """Memory of the scaled tasks (bytes)."""
         return len(self) * int(self._index.d) * np.dtype(np.float32).itemsize
 
-    def query(self, x: Array, k: int = 1) -> tuple[Array, Indices]:
+    def query(self, x: Array, k: int = 1) -> tuple[Array, Rows]:
         """The k nearest library tasks of each task, nearest first, ties by lower row.
 
         Args:
@@ -102,17 +103,13 @@ class TaskIndex:
         scaled[:, : len(self._used)] = (x[:, self._used] - self._centre) * self._scale
         return scaled
 
-    def _is_tied(
-        self, queries: NDArray[np.float32], reached: NDArray[np.float32], k: int
-    ) -> NDArray[np.bool_]:
+    def _is_tied(self, queries: NDArray[np.float32], reached: NDArray[np.float32], k: int) -> Flags:
         """Whether tasks beyond the candidates may be as near as the k-th, up to rounding."""
         norms = np.abs(queries).sum(axis=1) + self._largest_norm
         slack = ROUNDING * (norms + queries.shape[1] * reached[:, -1])
         return np.asarray(reached[:, -1] - reached[:, k - 1] <= slack)
 
-    def _ranked(
-        self, queries: NDArray[np.float32], candidates: Indices, k: int
-    ) -> tuple[Array, Indices]:
+    def _ranked(self, queries: NDArray[np.float32], candidates: Rows, k: int) -> tuple[Array, Rows]:
         """The k nearest of the candidates (B, C) in double precision, ties by lower row."""
         rows = self._index.reconstruct_batch(candidates.reshape(-1))
         rows = rows.reshape(*candidates.shape, queries.shape[1]).astype(np.float64)

@@ -5,20 +5,15 @@ cross. A plain threshold on it would remove hard tasks from the data. So the par
 explains is taken off first; what is left tells a poor local optimum from a good one.
 """
 
-from typing import Annotated
-
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
 from scipy.optimize import least_squares
 
+from lmtr.arrays import Array
 from lmtr.errors import DataError
 from lmtr.geometry.se2 import SE2
 from lmtr.robot.model import RobotModel
+from lmtr.settings import NonNegative, Settings
 from lmtr.task.task import Task
-
-Array = NDArray[np.float64]
-NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 
 FEATURES = ("distance_squared", "lateral", "yaw", "lines", "scatter")
 """What :func:`task_features` tells of a task, in this order."""
@@ -32,7 +27,7 @@ _INTERIOR = 1e-6
 """Fits start inside their bounds."""
 
 
-class CostModel(BaseModel):
+class CostModel(Settings):
     """A cost linear in the features of a task; nothing that makes a task harder lowers it.
 
     Attributes:
@@ -44,8 +39,6 @@ class CostModel(BaseModel):
         lines: Per obstacle line.
         scatter: Per metre of root mean square offset of the start feet from neutral.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     robot: str
     intercept: NonNegative

@@ -5,18 +5,15 @@ in which order or company solutions are judged.
 """
 
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
 
 from lmtr.errors import DataError
 from lmtr.quality.cost_model import DEFAULT_COST_MODEL, CostModel, task_features
 from lmtr.quality.measure import Violations
 from lmtr.robot.model import RobotModel
+from lmtr.settings import NonNegative, Settings
 from lmtr.task.task import Task
-
-Limit = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 
 CONVERGED = "converged"
 """The one status of a solve that is worth judging."""
@@ -47,7 +44,7 @@ REASONS = (*_SENTENCES, _NOT_CONVERGED)
 """Stable names of the reasons for which solutions are refused."""
 
 
-class QualityThresholds(BaseModel):
+class QualityThresholds(Settings):
     """What a solution may show and still enter a data set.
 
     The defaults catch what is wrong, not what is unusual. In brackets: median, and the worst of
@@ -83,27 +80,25 @@ class QualityThresholds(BaseModel):
         cost_model: The cost expected of a task.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    linear_residual: Limit = 2.0
-    angular_residual: Limit = 10.0
-    drift: Limit = 0.03
-    stance_overshoot: Limit = 0.03
-    swing_overshoot: Limit = 0.06
-    friction_excess: Limit = 0.01
-    pull: Limit = 0.01
-    contact_change_force: Limit = 1e-6
-    force_peak: Limit = 1.5
-    stance_slip: Limit = 1e-3
-    stance_height: Limit = 1e-3
-    swing_depth: Limit = 0.01
-    flight_time: Limit = 0.01
-    phase_shortest: Limit = 0.15
-    height_deviation: Limit = 0.15
-    tilt: Limit = 0.5
-    obstacle_clearance: Limit = 0.05
+    linear_residual: NonNegative = 2.0
+    angular_residual: NonNegative = 10.0
+    drift: NonNegative = 0.03
+    stance_overshoot: NonNegative = 0.03
+    swing_overshoot: NonNegative = 0.06
+    friction_excess: NonNegative = 0.01
+    pull: NonNegative = 0.01
+    contact_change_force: NonNegative = 1e-6
+    force_peak: NonNegative = 1.5
+    stance_slip: NonNegative = 1e-3
+    stance_height: NonNegative = 1e-3
+    swing_depth: NonNegative = 0.01
+    flight_time: NonNegative = 0.01
+    phase_shortest: NonNegative = 0.15
+    height_deviation: NonNegative = 0.15
+    tilt: NonNegative = 0.5
+    obstacle_clearance: NonNegative = 0.05
     judge_cost: bool = True
-    cost_excess: Limit = 0.4
+    cost_excess: NonNegative = 0.4
     cost_model: CostModel = DEFAULT_COST_MODEL
 
 

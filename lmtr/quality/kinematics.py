@@ -1,15 +1,13 @@
 """Feet against the ground, their range of motion, their phases and the obstacle lines."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.geometry.line import signed_distance
 from lmtr.quality.residual import RigidMotion
 from lmtr.robot.model import N_FEET, RobotModel
 from lmtr.trajectory.sample import FootSamples
 from lmtr.trajectory.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 def range_of_motion_overshoot(

@@ -3,8 +3,8 @@
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array, Indices
 from lmtr.errors import DataError
 from lmtr.quality.kinematics import (
     closest_footholds,
@@ -23,8 +23,6 @@ from lmtr.quality.residual import (
 from lmtr.robot.model import RobotModel
 from lmtr.trajectory.sample import FootSamples, sample_feet
 from lmtr.trajectory.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -183,7 +181,7 @@ def _feet(
     }
 
 
-def _support(down: NDArray[np.intp], dt: float) -> dict[str, float]:
+def _support(down: Indices, dt: float) -> dict[str, float]:
     return {
         "flight_time": dt * int((down == 0).sum()),
         "sparse_support_time": dt * int((down <= 2).sum()),

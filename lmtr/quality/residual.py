@@ -8,15 +8,13 @@ positions and rotation matrices, so no derivative formula of the splines or angl
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import Rotation
 
+from lmtr.arrays import Array
 from lmtr.robot.model import GRAVITY, RobotModel
 from lmtr.trajectory.sample import FootSamples, sample_base
 from lmtr.trajectory.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 DIFFERENCE_STEP = 1e-3
 """Step of the central differences (s); their error is below 0.01 m/s² and rad/s² at its square."""

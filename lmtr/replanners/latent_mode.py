@@ -2,14 +2,10 @@
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from lmtr.arrays import Array
 from lmtr.errors import ModelError
 from lmtr.models.trained import TrainedModel
 from lmtr.policies.mode_policy import ModePolicy
-
-Array = NDArray[np.float64]
 
 
 class LatentModeReplanner:

@@ -2,10 +2,7 @@
 
 from typing import Any, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
+from lmtr.arrays import Array
 
 
 class Replanner(Protocol):

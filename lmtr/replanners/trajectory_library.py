@@ -3,16 +3,14 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.errors import DataError
 from lmtr.models.rows import finite_rows
 from lmtr.policies.distance import TaskWeights
 from lmtr.policies.nearest_neighbour import TaskIndex
 from lmtr.vectors.layout import SEGMENT_LAYOUT, Layout
 from lmtr.vectors.scaling import Standardiser
-
-Array = NDArray[np.float64]
 
 
 class TrajectoryLibraryReplanner:

@@ -3,12 +3,10 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.errors import ModelError
 from lmtr.models.trained import TrainedModel
-
-Array = NDArray[np.float64]
 
 
 class UnimodalReplanner:

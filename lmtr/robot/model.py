@@ -5,15 +5,11 @@ there without the tensor's minus sign); the forward range of motion is tighter t
 at which the paper judges replanners (Sec. 5.2), so that expert data keep a margin to it.
 """
 
-from typing import Annotated
-
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import model_validator
 
-Array = NDArray[np.float64]
-Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+from lmtr.arrays import Array
+from lmtr.settings import Finite, Positive, Settings
 
 FEET = ("LF", "RF", "LH", "RH")
 """Order of the feet in every array with a foot axis."""
@@ -24,7 +20,7 @@ GRAVITY = 9.81
 """Gravitational acceleration (m/s²), along −z."""
 
 
-class RobotModel(BaseModel):
+class RobotModel(Settings):
     """A quadruped as a single rigid body on massless legs (Sec. 4.1; TOWR's robot model).
 
     Attributes:
@@ -39,8 +35,6 @@ class RobotModel(BaseModel):
             frame, that the expert keeps its feet in (m).
         friction: Coefficient μ of the friction pyramid.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     name: str
     mass: Positive

@@ -4,8 +4,8 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array, Flags, Indices
 from lmtr.robot.model import N_FEET
 from lmtr.rollout.contacts import Feet
 from lmtr.rollout.courses import Course
@@ -15,9 +15,6 @@ from lmtr.rollout.window import Samples, Window
 from lmtr.trajectory.motion import Footholds, Motion
 from lmtr.trajectory.trajectory import BASE_STEP
 
-Array = NDArray[np.float64]
-Rows = NDArray[np.intp]
-
 SAMPLED = tuple(f.name for f in fields(Samples))
 """Fields that samples and motions share."""
 
@@ -26,11 +23,11 @@ SAMPLED = tuple(f.name for f in fields(Samples))
 class _ContactChanges:
     """Touch-downs or lift-offs in the order in which windows brought them."""
 
-    rows: list[Rows] = field(default_factory=list)
-    feet: list[Rows] = field(default_factory=list)
+    rows: list[Indices] = field(default_factory=list)
+    feet: list[Indices] = field(default_factory=list)
     times: list[Array] = field(default_factory=list)
 
-    def add(self, rows: Rows, happens: NDArray[np.bool_], times: Array) -> tuple[Rows, Rows]:
+    def add(self, rows: Indices, happens: Flags, times: Array) -> tuple[Indices, Indices]:
         """Note the changes where ``happens`` (n, 4); returns their indices in the window."""
         element, foot = np.nonzero(happens)
         self.rows.append(rows[element])
@@ -38,7 +35,7 @@ class _ContactChanges:
         self.times.append(times[element, foot])
         return element, foot
 
-    def in_order(self) -> tuple[Rows, Rows, Array, Rows]:
+    def in_order(self) -> tuple[Indices, Indices, Array, Indices]:
         """Rows, feet and times sorted by row, foot and time, and the order that sorts them."""
         rows, feet = np.concatenate(self.rows), np.concatenate(self.feet)
         times = np.concatenate(self.times)
@@ -66,7 +63,7 @@ class Accumulator:
         self._places_W: list[Array] = []
         self._land(np.arange(count), feet.stands, np.zeros((count, N_FEET)), feet.position_W)
 
-    def add(self, rows: Rows, cycle: int, window: Window, plan_seconds: float) -> None:
+    def add(self, rows: Indices, cycle: int, window: Window, plan_seconds: float) -> None:
         """Add the window of ``cycle`` for the rollouts ``rows`` (n).
 
         A window's last sample is overwritten by the first one of the next, so that each base node
@@ -86,7 +83,7 @@ class Accumulator:
             self._land(rows, times <= period, start + times, window.footholds_W[:, :, stance])
         self._liftoffs.add(rows, changes.liftoff <= period, start + changes.liftoff)
 
-    def _land(self, rows: Rows, lands: NDArray[np.bool_], times: Array, places_W: Array) -> None:
+    def _land(self, rows: Indices, lands: Flags, times: Array, places_W: Array) -> None:
         element, foot = self._touchdowns.add(rows, lands, times)
         self._places_W.append(places_W[element, foot, :2])
 
@@ -130,7 +127,7 @@ class Accumulator:
             for mine in (rows == row for row in everyone)
         ]
 
-    def _last(self) -> Rows:
+    def _last(self) -> Indices:
         """Index of each rollout's last sample."""
         return self._done * self._settings.steps_per_cycle
 

@@ -3,13 +3,12 @@
 from dataclasses import fields, is_dataclass, replace
 from typing import Any, TypeVar, cast
 
-import numpy as np
-from numpy.typing import NDArray
+from lmtr.arrays import Flags, Indices
 
 Record = TypeVar("Record")
 
 
-def taken(record: Record, rows: NDArray[np.intp] | NDArray[np.bool_]) -> Record:
+def taken(record: Record, rows: Indices | Flags) -> Record:
     """The same record of the chosen ``rows`` only; records inside it are cut alike.
 
     Args:

@@ -28,9 +28,8 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from lmtr.arrays import Array, Flags
 from lmtr.trajectory.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 SAME_TIME = 1e-6
 """Times (s) closer than this are equal: rounding alone must not make a disagreement."""
@@ -56,7 +55,7 @@ class Feet:
         time_since_liftoff: Seconds since its real lift-off, 0 in stance, (n, 4).
     """
 
-    stands: NDArray[np.bool_]
+    stands: Flags
     position_W: Array
     time_since_liftoff: Array
 

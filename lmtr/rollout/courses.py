@@ -8,12 +8,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.errors import ConfigurationError
 from lmtr.rollout.settings import RolloutSettings
-
-Array = NDArray[np.float64]
+from lmtr.streams import Purpose, stream
 
 
 @dataclass(frozen=True)
@@ -36,7 +35,7 @@ def random_course(settings: RolloutSettings, seed: int, index: int) -> Course:
 
     A course for a longer duration begins with the lines of a shorter one.
     """
-    rng = np.random.default_rng(np.random.SeedSequence(entropy=seed, spawn_key=(index,)))
+    rng = stream(seed, Purpose.COURSE, index)
     # One row of draws a line: later lines cannot change earlier ones.
     gap, turn = rng.uniform(size=(settings.n_lines, 2)).T
     low, high = settings.obstacle_spacing

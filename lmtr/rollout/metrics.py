@@ -8,15 +8,13 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.geometry.line import signed_distance
 from lmtr.geometry.rotation import rotation_matrix
 from lmtr.robot.model import N_FEET, RobotModel
 from lmtr.rollout.settings import Criteria
 from lmtr.trajectory.motion import Motion
-
-Array = NDArray[np.float64]
 
 
 def obstacle_clearances(motion: Motion, obstacles_W: Array) -> Array:

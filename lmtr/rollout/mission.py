@@ -1,9 +1,8 @@
 """The mission planner: a goal that always stays ahead on the world's x axis (Sec. 5.1)."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from lmtr.arrays import Array
 
 
 def goal_ahead_W(base_x: Array, distance: float) -> Array:

@@ -1,22 +1,20 @@
 """Which plans and motions a rollout can go on from; all others are counted as diverged."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array, Flags
 from lmtr.geometry.se2 import SE2
 from lmtr.robot.model import RobotModel
 from lmtr.rollout.record import Outcome
 from lmtr.rollout.settings import PlausibleRange
 from lmtr.rollout.window import Samples
 
-Array = NDArray[np.float64]
-
 LARGEST_ENTRY = 1e6
 """Greatest magnitude of any entry of τ (SI units); contact forces and their rates stay 100 times
 below it."""
 
 
-def legible(tau: Array) -> NDArray[np.bool_]:
+def legible(tau: Array) -> Flags:
     """Whether segment vectors (n, 264) are finite and of a sane magnitude, (n,)."""
     # A comparison with NaN is false.
     return np.asarray((np.abs(tau) < LARGEST_ENTRY).all(axis=-1))

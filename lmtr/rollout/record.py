@@ -6,9 +6,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.trajectory.motion import Motion
-
-Array = NDArray[np.float64]
 
 
 class Outcome(StrEnum):

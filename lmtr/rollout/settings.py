@@ -1,18 +1,15 @@
 """Settings of the rollout testbed and of its judgement (Sec. 5.1, 5.2)."""
 
 from math import ceil
-from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import model_validator
 
+from lmtr.settings import NonNegative, Positive, PositiveRange, Settings
 from lmtr.trajectory.trajectory import BASE_STEP
 from lmtr.vectors.layout import SEGMENT_DURATION
 
-Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 
-
-class PlausibleRange(BaseModel):
+class PlausibleRange(Settings):
     """States outside of which a rollout has diverged: no walking robot could be there.
 
     Far wider than anything in expert data, so that they tell divergence from bad quality.
@@ -23,8 +20,6 @@ class PlausibleRange(BaseModel):
         speed: Greatest linear speed of the base (m/s).
         foot_offset: Greatest horizontal distance of a foot from its neutral position (m).
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     height: tuple[Positive, Positive] = (0.5, 1.5)
     tilt: Positive = 1.0
@@ -41,7 +36,7 @@ class PlausibleRange(BaseModel):
         return self
 
 
-class RolloutSettings(BaseModel):
+class RolloutSettings(Settings):
     """How rollouts are run.
 
     Attributes:
@@ -59,13 +54,11 @@ class RolloutSettings(BaseModel):
         plausible: Limits beyond which a rollout ends as diverged.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
     period: Positive = 0.3
     duration: Positive = 30.0
     goal_distance: Positive = 0.8
-    first_obstacle: tuple[Positive, Positive] = (0.7, 1.1)
-    obstacle_spacing: tuple[Positive, Positive] = (0.5, 1.1)
+    first_obstacle: PositiveRange = (0.7, 1.1)
+    obstacle_spacing: PositiveRange = (0.5, 1.1)
     obstacle_turn: NonNegative = 0.5
     landing_time: Positive = 0.05
     plausible: PlausibleRange = PlausibleRange()
@@ -90,11 +83,7 @@ class RolloutSettings(BaseModel):
         return self
 
     @model_validator(mode="after")
-    def _ranges_ascend(self) -> "RolloutSettings":
-        for name in ("first_obstacle", "obstacle_spacing"):
-            low, high = getattr(self, name)
-            if low > high:
-                raise ValueError(f"{name} must ascend, got ({low}, {high}); swap its two values")
+    def _feet_land_in_time(self) -> "RolloutSettings":
         if self.landing_time >= self.period:
             raise ValueError(
                 f"landing_time must be shorter than the period {self.period} s, "
@@ -119,7 +108,7 @@ class RolloutSettings(BaseModel):
         return ceil(reach / self.obstacle_spacing[0]) + 2
 
 
-class Criteria(BaseModel):
+class Criteria(Settings):
     """What Sec. 5.2 calls a close step and a violated range of motion.
 
     Attributes:
@@ -128,8 +117,6 @@ class Criteria(BaseModel):
             neutral (m); wider than the one that the expert keeps (``range_of_motion``).
         large_violation: A foot further outside the box than this violates it grossly (m).
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     clearance: Positive = 0.05
     forward_limit: Positive = 0.2

@@ -5,12 +5,11 @@ rollout begins at the epoch of a segment of expert data.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.errors import DataError
 from lmtr.rollout.courses import Course
-
-Array = NDArray[np.float64]
+from lmtr.streams import Purpose, stream
 
 
 def draw_starts(pool: Array, courses: list[Course]) -> Array:
@@ -28,11 +27,5 @@ def draw_starts(pool: Array, courses: list[Course]) -> Array:
     """
     if len(pool) == 0:
         raise DataError("starts: the pool has no segments to draw from; give at least one")
-    return np.stack([pool[_stream(course).integers(len(pool))] for course in courses])
-
-
-def _stream(course: Course) -> np.random.Generator:
-    """A stream apart from the one that drew the course's lines."""
-    return np.random.default_rng(
-        np.random.SeedSequence(entropy=course.seed, spawn_key=(course.index, 1))
-    )
+    streams = (stream(course.seed, Purpose.START, course.index) for course in courses)
+    return np.stack([pool[rng.integers(len(pool))] for rng in streams])

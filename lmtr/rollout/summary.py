@@ -5,17 +5,16 @@ from collections.abc import Sequence
 from dataclasses import astuple, dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array, Indices
 from lmtr.errors import DataError
 from lmtr.robot.model import RobotModel
 from lmtr.rollout.contacts import Disagreement
 from lmtr.rollout.metrics import Tally
 from lmtr.rollout.record import Outcome, Rollout
 from lmtr.rollout.settings import Criteria
+from lmtr.streams import Purpose, stream
 from lmtr.trajectory.motion import Motion
-
-Array = NDArray[np.float64]
 
 CONFIDENCE = 0.95
 """Coverage of the confidence intervals."""
@@ -145,7 +144,7 @@ def performance(
     tallies = [Tally.of(motion, lines, robot, criteria) for motion, lines in motions]
     columns = np.array([astuple(tally) for tally in tallies])
     names = [field.name for field in fields(Tally)]
-    draws = np.random.default_rng(seed).integers(len(tallies), size=(RESAMPLES, len(tallies)))
+    draws = stream(seed, Purpose.BOOTSTRAP).integers(len(tallies), size=(RESAMPLES, len(tallies)))
 
     def ratio(part: str, whole: str) -> Estimate:
         return _estimate(columns[:, names.index(part)], columns[:, names.index(whole)], draws)
@@ -161,7 +160,7 @@ def performance(
     )
 
 
-def _estimate(part: Array, whole: Array, draws: NDArray[np.intp]) -> Estimate:
+def _estimate(part: Array, whole: Array, draws: Indices) -> Estimate:
     """Σ part / Σ whole over motions, resampled by ``draws`` (R, n)."""
     if whole.sum() <= 0.0:
         return Estimate(float("nan"), float("nan"), float("nan"))

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.errors import ConfigurationError, DataError, ModelError
 from lmtr.replanners.replanner import Replanner
 from lmtr.robot.model import RobotModel
@@ -26,8 +26,6 @@ from lmtr.trajectory.trajectory import Trajectory
 from lmtr.vectors.layout import SEGMENT_LAYOUT
 from lmtr.vectors.segment_vector import decode_segment
 from lmtr.vectors.task_vector import encode_task
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,16 +10,14 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array, Flags
 from lmtr.geometry.se2 import SE2
 from lmtr.rollout.contacts import ContactSchedule, Feet, schedule
 from lmtr.rollout.settings import RolloutSettings
 from lmtr.trajectory.sample import BaseSamples, sample_base, sample_feet
 from lmtr.trajectory.trajectory import BASE_STEP, Trajectory
 from lmtr.vectors.state import RobotState
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -42,7 +40,7 @@ class Samples:
     base_angular_velocity_W: Array
     foot_position_W: Array
     foot_force_W: Array
-    contact: NDArray[np.bool_]
+    contact: Flags
 
 
 @dataclass(frozen=True)
@@ -138,9 +136,7 @@ def _norm(vectors: Array) -> Array:
     return np.asarray(np.sqrt((vectors**2).sum(axis=-1)))
 
 
-def _samples(
-    base: BaseSamples, foot_position: Array, contact: NDArray[np.bool_], force: Array
-) -> Samples:
+def _samples(base: BaseSamples, foot_position: Array, contact: Flags, force: Array) -> Samples:
     return Samples(
         base_position_W=base.position,
         base_rpy=base.rpy,
@@ -161,7 +157,7 @@ def _on_the_ground(plan: Trajectory) -> Trajectory:
 
 def _foot_motion(
     planned: Array, plan: Trajectory, feet: Feet, changes: ContactSchedule, times: Array
-) -> tuple[Array, NDArray[np.bool_]]:
+) -> tuple[Array, Flags]:
     """Real positions (n, S + 1, 4, 3) and contacts (n, S + 1, 4) beside the planned positions."""
     t = times[None, :, None]
     landing, liftoff, touchdown = (

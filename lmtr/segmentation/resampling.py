@@ -8,14 +8,12 @@ the segment frame. If the knots coincide, the fit is the solution itself, to rou
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.spline import hermite
 from lmtr.trajectory.sample import sample_base
 from lmtr.trajectory.trajectory import BASE_STEP, Trajectory
 from lmtr.vectors.layout import SEGMENT_NODES
-
-Array = NDArray[np.float64]
 
 _SAMPLES_PER_STEP = 10
 

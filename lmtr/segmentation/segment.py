@@ -1,13 +1,13 @@
 """Segments of a solution: random epochs, and several goals for each (Sec. 3.1)."""
 
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import model_validator
 
+from lmtr.arrays import Array
 from lmtr.segmentation.window import cut, valid_epochs
+from lmtr.settings import Count, Positive, Settings
 from lmtr.trajectory.sample import sample_base
 from lmtr.trajectory.trajectory import Trajectory
 from lmtr.vectors.layout import SEGMENT_DURATION
@@ -15,15 +15,11 @@ from lmtr.vectors.segment_vector import encode_segment
 from lmtr.vectors.state import state_at
 from lmtr.vectors.task_vector import encode_task
 
-Array = NDArray[np.float64]
-Count = Annotated[int, Field(ge=1)]
-Seconds = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-
 _DRAWS_PER_EPOCH = 4
 """Epochs drawn for each one wanted: about one in twelve is no window, more where gaits differ."""
 
 
-class SegmentationSettings(BaseModel):
+class SegmentationSettings(Settings):
     """How many segments a solution yields, and how far ahead their goals lie.
 
     Attributes:
@@ -34,11 +30,9 @@ class SegmentationSettings(BaseModel):
             Replanners are asked for goals at the distances that the base covers in these times.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
     epochs_per_solution: Count = 15
     goals_per_epoch: Count = 2
-    goal_horizon: tuple[Seconds, Seconds] = (1.0, 4.0)
+    goal_horizon: tuple[Positive, Positive] = (1.0, 4.0)
 
     @model_validator(mode="after")
     def _goals_lie_beyond_the_window(self) -> "SegmentationSettings":

@@ -6,8 +6,8 @@ epoch and end beyond the window, asynchronously with the base nodes and the othe
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array, Flags
 from lmtr.errors import DataError
 from lmtr.robot.model import N_FEET
 from lmtr.segmentation.resampling import resampled_base
@@ -15,8 +15,6 @@ from lmtr.trajectory.sample import sample_base, sample_feet
 from lmtr.trajectory.trajectory import BASE_STEP, Trajectory
 from lmtr.vectors.layout import SEGMENT_DURATION, SEGMENT_STANCES
 from lmtr.vectors.state import segment_frame
-
-Array = NDArray[np.float64]
 
 RESTING_SPEED = 0.02
 """A base node slower than this (m/s), and than ``RESTING_RATE`` in its angles, may be at rest."""
@@ -27,7 +25,7 @@ RESTING_RATE = 0.05
 _ROUNDING = 1e-9
 
 
-def valid_epochs(trajectory: Trajectory, epochs: Array) -> NDArray[np.bool_]:
+def valid_epochs(trajectory: Trajectory, epochs: Array) -> Flags:
     """Which epochs make a window of the segment's scope.
 
     One swing per leg must suffice for the window, so every foot's second stance must exist and

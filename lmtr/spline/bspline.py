@@ -8,9 +8,8 @@ constraint is needed to make a base trajectory's acceleration continuous.
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from lmtr.arrays import Array
 
 
 def knot_value(before: Any, at: Any, after: Any) -> Any:  # noqa: ANN401 - arrays or CasADi

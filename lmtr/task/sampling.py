@@ -1,27 +1,25 @@
 """The distribution of expert tasks 𝒳 and the smooth noise ξ̄ on initial guesses (Sec. 3.1, 4.2).
 
-Everything random of one solution comes from ``stream(seed, index)``, so a data set is the same
-whatever the number of workers or the order in which they finish.
+Everything random of one solution comes from one stream of :mod:`lmtr.streams`, by the solution's
+index, so a data set is the same whatever the number of workers or the order in which they finish.
 """
 
 from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field
 
+from lmtr.arrays import Array
 from lmtr.robot.model import N_FEET, RobotModel
+from lmtr.settings import NonNegative, PositiveRange, Settings, ascending
 from lmtr.task.task import Task
 
-Array = NDArray[np.float64]
-NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
-Range = tuple[
-    Annotated[float, Field(allow_inf_nan=False)], Annotated[float, Field(allow_inf_nan=False)]
-]
+Lines = Annotated[int, Field(ge=0, le=4)]
+"""How many obstacle lines; a fifth would hardly leave room for a step."""
 
 
-class TaskDistribution(BaseModel):
+class TaskDistribution(Settings):
     """Ranges that tasks are drawn from, uniformly.
 
     Attributes:
@@ -38,30 +36,17 @@ class TaskDistribution(BaseModel):
         noise_timing: Standard deviation of the noise on contact times (s).
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    goal_distance: Range = (2.3, 3.1)
+    goal_distance: PositiveRange = (2.3, 3.1)
     goal_lateral: NonNegative = 0.4
     goal_yaw: NonNegative = 0.4
-    obstacle_count: tuple[Annotated[int, Field(ge=0, le=4)], Annotated[int, Field(ge=0, le=4)]] = (
-        2,
-        2,
-    )
-    first_obstacle: Range = (0.7, 1.1)
-    obstacle_spacing: Range = (0.5, 1.1)
+    obstacle_count: Annotated[tuple[Lines, Lines], ascending()] = (2, 2)
+    first_obstacle: PositiveRange = (0.7, 1.1)
+    obstacle_spacing: PositiveRange = (0.5, 1.1)
     obstacle_turn: NonNegative = 0.5
     foot_scatter: tuple[NonNegative, NonNegative] = (0.06, 0.036)
     noise_position: NonNegative = 0.15
     noise_yaw: NonNegative = 0.2
     noise_timing: NonNegative = 0.05
-
-    @model_validator(mode="after")
-    def _ranges_ascend(self) -> "TaskDistribution":
-        for name in ("goal_distance", "obstacle_count", "first_obstacle", "obstacle_spacing"):
-            low, high = getattr(self, name)
-            if low > high:
-                raise ValueError(f"{name} must ascend, got ({low}, {high}); swap its two values")
-        return self
 
 
 @dataclass(frozen=True)
@@ -81,14 +66,6 @@ class Noise:
         """Offsets of x, y (m) and yaw (rad) at times t = phase·T̄, (..., 3); zero at both ends."""
         harmonics = np.arange(1, len(self.amplitudes) + 1)
         return np.asarray(np.sin(np.pi * phase[..., None] * harmonics) @ self.amplitudes)
-
-
-def stream(seed: int, *key: int) -> np.random.Generator:
-    """The random stream that belongs to ``key`` under a seed, independent of all others.
-
-    The key of a solution's task and noise is its index in the data set.
-    """
-    return np.random.default_rng(np.random.SeedSequence(entropy=seed, spawn_key=key))
 
 
 def sample_task(

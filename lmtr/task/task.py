@@ -3,13 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.errors import TaskError
 from lmtr.geometry.se2 import SE2
 from lmtr.robot.model import FEET, N_FEET, RobotModel
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

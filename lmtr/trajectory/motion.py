@@ -7,13 +7,11 @@ or exported treats them alike.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array, Flags, Indices
 from lmtr.robot.model import N_FEET
 from lmtr.trajectory.sample import sample_base, sample_feet
 from lmtr.trajectory.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -27,7 +25,7 @@ class Footholds:
         liftoff: End of the stance, (K,) in s; that of the last stance is the motion's end.
     """
 
-    foot: NDArray[np.intp]
+    foot: Indices
     position_W: Array
     touchdown: Array
     liftoff: Array
@@ -56,7 +54,7 @@ class Motion:
     base_angular_velocity_W: Array
     foot_position_W: Array
     foot_force_W: Array
-    contact: NDArray[np.bool_]
+    contact: Flags
     footholds: Footholds
 
 

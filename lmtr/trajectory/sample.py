@@ -3,14 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array, Flags, Indices
 from lmtr.geometry.rotation import angular_velocity_W
 from lmtr.robot.model import N_FEET
 from lmtr.spline import hermite
 from lmtr.trajectory.trajectory import BASE_STEP, FORCE_PIECES, Trajectory
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -46,9 +44,9 @@ class FootSamples:
     position: Array
     velocity: Array
     force: Array
-    contact: NDArray[np.bool_]
+    contact: Flags
     time_since_liftoff: Array
-    stance: NDArray[np.intp]
+    stance: Indices
 
 
 def sample_base(trajectory: Trajectory, times: Array) -> BaseSamples:
@@ -98,7 +96,7 @@ def sample_feet(trajectory: Trajectory, times: Array) -> FootSamples:
     )
 
 
-def _pick(array: Array, index: NDArray[np.intp]) -> Array:
+def _pick(array: Array, index: Indices) -> Array:
     """Entries of array (..., 4, L, *rest) at index (..., 4, M): (..., 4, M, *rest)."""
     axis = index.ndim - 1
     return np.take_along_axis(
@@ -107,7 +105,7 @@ def _pick(array: Array, index: NDArray[np.intp]) -> Array:
 
 
 def _foot_motion(
-    trajectory: Trajectory, t: Array, stance: NDArray[np.intp], contact: NDArray[np.bool_]
+    trajectory: Trajectory, t: Array, stance: Indices, contact: Flags
 ) -> tuple[Array, Array]:
     """Position (m) and velocity (m/s) of the feet, (..., 4, M, 3) each."""
     here = _pick(trajectory.footholds, stance)
@@ -135,9 +133,7 @@ def _foot_motion(
     return position, velocity
 
 
-def _force(
-    trajectory: Trajectory, t: Array, stance: NDArray[np.intp], contact: NDArray[np.bool_]
-) -> Array:
+def _force(trajectory: Trajectory, t: Array, stance: Indices, contact: Flags) -> Array:
     """Contact forces (N), (..., 4, M, 3)."""
     begin, end = (_pick(trajectory.contact_times, 2 * stance + k) for k in (0, 1))
     duration = np.maximum(end - begin, 1e-9)

@@ -9,13 +9,11 @@ from dataclasses import dataclass, fields, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.errors import DataError
 from lmtr.geometry.se2 import SE2
 from lmtr.robot.model import N_FEET
-
-Array = NDArray[np.float64]
 
 BASE_STEP = 0.1
 """Spacing of base nodes (s), Sec. 4.1."""

@@ -11,13 +11,11 @@ from math import prod
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array, Indices
 from lmtr.errors import DataError
 from lmtr.robot.model import FEET
 from lmtr.trajectory.trajectory import BASE_STEP, FORCE_PIECES
-
-Array = NDArray[np.float64]
 
 N_LINES = 2
 """Obstacle lines in the task: the next two (Sec. 5.1)."""
@@ -100,7 +98,7 @@ class Layout:
         """Categories in the order in which they first appear."""
         return tuple(dict.fromkeys(f.category for f in self.fields))
 
-    def category_slices(self) -> dict[str, NDArray[np.intp]]:
+    def category_slices(self) -> dict[str, Indices]:
         """Indices of each category's numbers, ascending; a category need not be contiguous."""
         owner = np.repeat([f.category for f in self.fields], [f.size for f in self.fields])
         return {category: np.flatnonzero(owner == category) for category in self.categories}

@@ -7,12 +7,10 @@ by less than a thousandth of its moments.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.robot.model import FEET
 from lmtr.vectors.layout import SEGMENT_LAYOUT, TASK_LAYOUT, Layout
-
-Array = NDArray[np.float64]
 
 _OPPOSITE = {"LF": "RF", "RF": "LF", "LH": "RH", "RH": "LH"}
 _POLAR = np.array([1.0, -1.0, 1.0])

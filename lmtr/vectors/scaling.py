@@ -9,12 +9,10 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array, Flags
 from lmtr.errors import DataError
 from lmtr.vectors.layout import Layout
-
-Array = NDArray[np.float64]
 
 FLOOR = 1e-4
 """A dimension that spreads less (m, rad, s, N, …) is constant: that is the solver's tolerance."""
@@ -71,7 +69,7 @@ class Standardiser:
         return cls(layout, mean, np.where(constant, 0.0, scale))
 
     @property
-    def constant(self) -> NDArray[np.bool_]:
+    def constant(self) -> Flags:
         """Which dimensions are constant, (size,)."""
         return np.asarray(self.scale == 0.0)
 

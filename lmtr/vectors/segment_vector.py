@@ -1,14 +1,12 @@
 """The segment vector τ of 264 numbers, scope s = (0.8 s, 1 swing per leg) (Sec. 4.3)."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.errors import DataError
 from lmtr.robot.model import FEET
 from lmtr.trajectory.trajectory import FORCE_PIECES, Trajectory
 from lmtr.vectors.layout import SEGMENT_LAYOUT, SEGMENT_NODES, SEGMENT_STANCES
-
-Array = NDArray[np.float64]
 
 MIN_PHASE = 0.05
 """Shortest phase (s) that decoding lets through; the expert's own phases are longer."""

@@ -1,15 +1,13 @@
 """The task vector x = (χ, η, γ) of 35 numbers (Sec. 4.3), the regressor's input."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.geometry.line import in_frame
 from lmtr.geometry.se2 import SE2
 from lmtr.robot.model import FEET
 from lmtr.vectors.layout import N_LINES, TASK_LAYOUT
 from lmtr.vectors.state import RobotState
-
-Array = NDArray[np.float64]
 
 KEPT_BEHIND = 0.5
 """A line counts until it is this far behind the base (m): the hind feet still have to cross it."""

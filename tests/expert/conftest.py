@@ -13,7 +13,8 @@ from lmtr.expert.settings import ExpertSettings, Scope
 from lmtr.expert.solve import Expert, Solution
 from lmtr.expert.variables import pack
 from lmtr.robot.model import ANYMAL
-from lmtr.task.sampling import Noise, TaskDistribution, sample_noise, sample_task, stream
+from lmtr.streams import Purpose, stream
+from lmtr.task.sampling import Noise, TaskDistribution, sample_noise, sample_task
 from lmtr.task.task import Task
 
 Array = NDArray[np.float64]
@@ -29,7 +30,7 @@ NEAR = TaskDistribution(
 
 def draw(settings: ExpertSettings, tasks: TaskDistribution, index: int) -> tuple[Task, Noise]:
     """Task and noise number ``index``."""
-    rng = stream(0, index)
+    rng = stream(0, Purpose.TASK, index)
     task = sample_task(tasks, ANYMAL, rng)
     return task, sample_noise(tasks, settings.scope.n_swings, rng)
 

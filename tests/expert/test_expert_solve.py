@@ -11,7 +11,8 @@ from lmtr.expert.settings import ExpertSettings, Scope, SolverSettings
 from lmtr.expert.solve import Expert, Status
 from lmtr.geometry.line import signed_distance
 from lmtr.robot.model import ANYMAL, HYQ
-from lmtr.task.sampling import TaskDistribution, sample_noise, sample_task, stream
+from lmtr.streams import Purpose, stream
+from lmtr.task.sampling import TaskDistribution, sample_noise, sample_task
 from lmtr.trajectory.sample import sample_base, sample_feet
 
 EVERYWHERE = np.arange(0.0, 7.5001, 0.01)
@@ -167,7 +168,7 @@ def test_a_single_swing_per_leg_is_a_problem_too():
     """No stance then lies between two swings."""
     settings = ExpertSettings(scope=Scope(duration=1.6, n_swings=1))
     tasks = TaskDistribution(goal_distance=(0.2, 0.25), goal_lateral=0.0, obstacle_count=(0, 0))
-    rng = stream(0, 0)
+    rng = stream(0, Purpose.TASK, 0)
     task = sample_task(tasks, ANYMAL, rng)
     solution = Expert(ANYMAL, settings, None).solve(task, sample_noise(tasks, 1, rng))
     assert solution.status == Status.CONVERGED, solution.message
@@ -178,7 +179,7 @@ def test_a_single_swing_per_leg_is_a_problem_too():
     [
         ({"range_of_motion_step": 0.03}, "must divide the base's knot spacing"),
         ({"scope": {"duration": 7.53}}, "must be a multiple of"),
-        ({"limits": {"swing": (0.5, 0.2)}}, "swing must ascend"),
+        ({"limits": {"swing": (0.5, 0.2)}}, r"swing\s.*must ascend"),
         ({"obstacle_weight": float("nan")}, "obstacle_weight"),
         ({"weight": 1.0}, "Extra inputs"),
     ],
@@ -195,7 +196,7 @@ def test_nearly_all_tasks_converge(robot):
     expert = Expert(robot, settings, None)
     converged = 0
     for index in range(20):
-        rng = stream(0, index)
+        rng = stream(0, Purpose.TASK, index)
         task = sample_task(tasks, robot, rng)
         noise = sample_noise(tasks, settings.scope.n_swings, rng)
         converged += expert.solve(task, noise).status == Status.CONVERGED

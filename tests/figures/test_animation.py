@@ -12,7 +12,8 @@ from lmtr.expert.initial_guess import initial_guess
 from lmtr.expert.settings import Scope
 from lmtr.figures.animation import AnimationSettings, animate, frame_times
 from lmtr.robot.model import ANYMAL
-from lmtr.task.sampling import TaskDistribution, sample_noise, sample_task, stream
+from lmtr.streams import Purpose, stream
+from lmtr.task.sampling import TaskDistribution, sample_noise, sample_task
 from lmtr.trajectory.motion import sampled
 
 SMALL = AnimationSettings(fps=5, resolution=40)
@@ -22,7 +23,7 @@ SMALL = AnimationSettings(fps=5, resolution=40)
 def walk():
     """A short noisy walk and its obstacles."""
     distribution = TaskDistribution(goal_distance=(0.5, 0.6))
-    rng = stream(5, 0)
+    rng = stream(5, Purpose.TASK, 0)
     task, scope = sample_task(distribution, ANYMAL, rng), Scope(duration=2.0, n_swings=1)
     noise = sample_noise(distribution, scope.n_swings, rng)
     guess = initial_guess(task, noise, ANYMAL, scope)

@@ -10,7 +10,8 @@ from lmtr.quality.filter import QualityThresholds, expected_cost, judge
 from lmtr.quality.measure import measure
 from lmtr.robot.model import ANYMAL
 from lmtr.segmentation.window import cut, valid_epochs
-from lmtr.task.sampling import TaskDistribution, sample_noise, sample_task, stream
+from lmtr.streams import Purpose, stream
+from lmtr.task.sampling import TaskDistribution, sample_noise, sample_task
 from lmtr.trajectory.sample import sample_base
 from lmtr.vectors.segment_vector import decode_segment, encode_segment
 
@@ -22,7 +23,7 @@ def solved():
     expert, distribution = Expert(ANYMAL, ExpertSettings(), None), TaskDistribution()
     pairs = []
     for index in range(4):
-        rng = stream(12345, index)
+        rng = stream(12345, Purpose.TASK, index)
         task = sample_task(distribution, ANYMAL, rng)
         noise = sample_noise(distribution, expert.settings.scope.n_swings, rng)
         pairs.append((task, expert.solve(task, noise)))

@@ -17,7 +17,8 @@ from lmtr.quality.filter import (
 )
 from lmtr.quality.measure import Violations
 from lmtr.robot.model import ANYMAL, HYQ
-from lmtr.task.sampling import TaskDistribution, sample_task, stream
+from lmtr.streams import Purpose, stream
+from lmtr.task.sampling import TaskDistribution, sample_task
 
 LIMITS = QualityThresholds()
 SOUND = Violations(
@@ -71,7 +72,7 @@ def verdict(violations=SOUND, status="converged", cost=3.0, expected=3.0, limits
 
 
 def tasks(count, distribution=TaskDistribution()):  # noqa: B008 - frozen settings
-    return [sample_task(distribution, ANYMAL, stream(3, k)) for k in range(count)]
+    return [sample_task(distribution, ANYMAL, stream(3, Purpose.TASK, k)) for k in range(count)]
 
 
 def test_a_sound_solution_is_accepted_without_reasons():

@@ -13,7 +13,8 @@ from lmtr.robot.model import ANYMAL
 from lmtr.rollout.settings import RolloutSettings
 from lmtr.segmentation.segment import SegmentationSettings, segment_solution
 from lmtr.segmentation.window import cut
-from lmtr.task.sampling import TaskDistribution, sample_noise, stream
+from lmtr.streams import Purpose, stream
+from lmtr.task.sampling import TaskDistribution, sample_noise
 from lmtr.task.task import Task
 from lmtr.trajectory.trajectory import Trajectory
 from lmtr.vectors.segment_vector import encode_segment
@@ -27,7 +28,7 @@ def long_walk(index: int) -> Trajectory:
     scope = Scope(duration=9.0, n_swings=6)
     goal = np.array([3.0, 0.4, 0.3])
     task = Task(np.zeros(3), ANYMAL.nominal_feet_B[:, :2], goal, np.zeros((0, 3)))
-    noise = sample_noise(TaskDistribution(noise_position=0.1), 6, stream(5, index))
+    noise = sample_noise(TaskDistribution(noise_position=0.1), 6, stream(5, Purpose.TASK, index))
     return initial_guess(task, noise, ANYMAL, scope).trajectory
 
 
@@ -81,7 +82,9 @@ def short() -> RolloutSettings:
 def library(walk: Callable) -> Library:
     settings = SegmentationSettings(epochs_per_solution=8)
     segments = [
-        segment_solution(made.trajectory, made.task.obstacles_W, settings, stream(7, index))
+        segment_solution(
+            made.trajectory, made.task.obstacles_W, settings, stream(7, Purpose.SEGMENTS, index)
+        )
         for index, made in ((index, walk(index)) for index in range(12))
     ]
     return Library(

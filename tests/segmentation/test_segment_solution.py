@@ -8,7 +8,7 @@ from pydantic import ValidationError
 
 from lmtr.segmentation.segment import SegmentationSettings, segment_solution
 from lmtr.segmentation.window import cut, valid_epochs
-from lmtr.task.sampling import stream
+from lmtr.streams import Purpose, stream
 from lmtr.trajectory.sample import sample_base
 from lmtr.vectors.layout import SEGMENT_LAYOUT, TASK_LAYOUT
 from lmtr.vectors.segment_vector import encode_segment
@@ -20,7 +20,7 @@ SETTINGS = SegmentationSettings(epochs_per_solution=12, goals_per_epoch=3)
 
 def segments_of(example, settings=SETTINGS, index=0):
     return segment_solution(
-        example.trajectory, example.task.obstacles_W, settings, stream(7, index)
+        example.trajectory, example.task.obstacles_W, settings, stream(7, Purpose.SEGMENTS, index)
     )
 
 

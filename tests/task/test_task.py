@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 
 from lmtr.errors import TaskError
 from lmtr.robot.model import ANYMAL
-from lmtr.task.sampling import TaskDistribution, gait_order, sample_noise, sample_task, stream
+from lmtr.streams import Purpose, stream
+from lmtr.task.sampling import TaskDistribution, gait_order, sample_noise, sample_task
 
-TASK = sample_task(TaskDistribution(), ANYMAL, stream(0, 0))
+TASK = sample_task(TaskDistribution(), ANYMAL, stream(0, Purpose.TASK, 0))
 
 
 @pytest.mark.parametrize("name", ["start_pose_W", "start_feet_W", "goal_pose_W", "obstacles_W"])
@@ -38,7 +39,7 @@ def test_a_start_foot_outside_its_range_of_motion_is_refused_by_its_name():
 @given(st.integers(0, 2**63), st.integers(0, 10**9))
 def test_every_drawn_task_is_possible_and_lies_in_its_ranges(seed, index):
     distribution = TaskDistribution()
-    task = sample_task(distribution, ANYMAL, stream(seed, index))
+    task = sample_task(distribution, ANYMAL, stream(seed, Purpose.TASK, index))
     task.require_possible(ANYMAL, 7.5, 6)
     low, high = distribution.goal_distance
     assert low <= task.goal_pose_W[0] <= high
@@ -47,7 +48,7 @@ def test_every_drawn_task_is_possible_and_lies_in_its_ranges(seed, index):
 
 def test_the_same_key_draws_the_same_and_another_one_does_not():
     def draw(seed, index):
-        rng = stream(seed, index)
+        rng = stream(seed, Purpose.TASK, index)
         task = sample_task(TaskDistribution(), ANYMAL, rng)
         return np.concatenate(
             [task.goal_pose_W, sample_noise(TaskDistribution(), 6, rng).timing[0]]
@@ -59,7 +60,7 @@ def test_the_same_key_draws_the_same_and_another_one_does_not():
 
 
 def test_smooth_noise_vanishes_at_both_ends():
-    noise = sample_noise(TaskDistribution(), 6, stream(0, 0))
+    noise = sample_noise(TaskDistribution(), 6, stream(0, Purpose.TASK, 0))
     np.testing.assert_allclose(noise.on_base(np.array([0.0, 1.0])), 0.0, atol=1e-12)
 
 

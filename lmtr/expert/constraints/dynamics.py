@@ -12,6 +12,7 @@ Rows are in weights and in weights times ``LEVER_ARM``.
 import casadi as ca
 import numpy as np
 
+from lmtr.arrays import Indices
 from lmtr.expert.context import Context
 from lmtr.expert.element import (
     ConstraintGroup,
@@ -21,7 +22,6 @@ from lmtr.expert.element import (
     symbols,
 )
 from lmtr.expert.gating import stance_force
-from lmtr.expert.layout import Index
 from lmtr.expert.variables import stance_points
 from lmtr.geometry.rotation import rate_rows, rate_rows_derivative, rotation_rows
 from lmtr.robot.model import GRAVITY, N_FEET, RobotModel
@@ -43,7 +43,7 @@ def dynamics(context: Context) -> ConstraintGroup:
     return ConstraintGroup("dynamics", elements, zero, zero)
 
 
-def _base(context: Context, rows: Index) -> Element:
+def _base(context: Context, rows: Indices) -> Element:
     """Minus the change of momentum, in weights."""
     robot, quantities = context.robot, context.quantities
     per_knot = context.samples_per_knot
@@ -84,7 +84,7 @@ def _matrix(rows: list[list[ca.SX]]) -> ca.SX:
     return ca.vertcat(*[ca.horzcat(*row) for row in rows])
 
 
-def _contacts(context: Context, rows: Index) -> list[Element]:
+def _contacts(context: Context, rows: Indices) -> list[Element]:
     """Forces of first, middle and last stances: three elements, for their ends differ."""
     scope = context.settings.scope
     met: dict[int, list[tuple[int, int, int]]] = {}
@@ -102,7 +102,7 @@ def _contacts(context: Context, rows: Index) -> list[Element]:
 
 
 def _contact_instances(
-    context: Context, kind: int, node: Index, slot: Index, stance: Index, rows: Index
+    context: Context, kind: int, node: Indices, slot: Indices, stance: Indices, rows: Indices
 ) -> Instances:
     """Inputs: the stance's variable contact changes, its foothold, its force points."""
     times, points = context.quantities["times"], context.quantities["forces"]

@@ -7,6 +7,7 @@ the box. The same offset carries a small cost, so that feet prefer their neutral
 import casadi as ca
 import numpy as np
 
+from lmtr.arrays import Indices
 from lmtr.expert.context import Context
 from lmtr.expert.element import (
     ConstraintGroup,
@@ -16,7 +17,6 @@ from lmtr.expert.element import (
     symbols,
 )
 from lmtr.expert.gating import swing_displacement
-from lmtr.expert.layout import Index
 from lmtr.geometry.rotation import rotation_rows
 from lmtr.robot.model import N_FEET
 
@@ -41,11 +41,11 @@ def range_of_motion(context: Context) -> ConstraintGroup:
 
 
 def _instances(
-    context: Context, swings: int, sample: Index, slot: Index, first: Index, rows: Index
+    context: Context, swings: int, sample: Indices, slot: Indices, first: Indices, rows: Indices
 ) -> Instances:
     """Inputs: base pose, times, footholds and middles of the swings that the sample can meet."""
     quantities, parameters = context.quantities, context.parameters
-    chosen: list[Index] = [quantities["position"][sample], quantities["rpy"][sample]]
+    chosen: list[Indices] = [quantities["position"][sample], quantities["rpy"][sample]]
     for k in range(swings):
         chosen.append(quantities["times"][slot, 2 * (first + k)])
         chosen.append(quantities["times"][slot, 2 * (first + k) + 1])
