@@ -14,7 +14,15 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+import tomli_w
+from pydantic import (
+    BaseModel,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from lmtr.errors import ConfigurationError
 from lmtr.expert.settings import ExpertSettings
@@ -22,22 +30,14 @@ from lmtr.models.settings import ModelSettings, TrainingSettings
 from lmtr.policies.distance import TaskWeights
 from lmtr.quality.filter import QualityThresholds
 from lmtr.robot.model import ROBOTS, RobotModel
-from lmtr.rollout.settings import RolloutSettings
+from lmtr.rollout.settings import Criteria, RolloutSettings
 from lmtr.segmentation.segment import SegmentationSettings
+from lmtr.settings import Count, Seed, Settings
 from lmtr.task.sampling import TaskDistribution
 from lmtr.task.task import reach
 
-Count = Annotated[int, Field(ge=1)]
-Seed = Annotated[int, Field(ge=0)]
 
-
-class Section(BaseModel):
-    """A frozen part of the configuration that refuses unknown keys."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class DatasetSection(Section):
+class DatasetSection(Settings):
     """Which expert data set to make.
 
     Attributes:
@@ -65,7 +65,7 @@ class DatasetSection(Section):
         return ROBOTS[robot]
 
 
-class TrainingSection(Section):
+class TrainingSection(Settings):
     """Which models to train.
 
     Attributes:
@@ -73,11 +73,11 @@ class TrainingSection(Section):
         seeds: Training seeds, one model each.
         validation_share: Share of the solutions held out (never single segments).
         mirror: Add the left-right mirror image of every training segment.
-        model: Architecture and loss shared by all.
-        optimizer: Optimisation shared by all.
+        model: Architecture and loss shared by all; ``latent`` stands above.
+        optimizer: Optimisation shared by all; ``seeds`` stand above.
     """
 
-    latent: Annotated[tuple[Annotated[int, Field(ge=0, le=128)], ...], Field(min_length=1)] = (
+    latent: Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)] = (
         0,
         3,
         6,
@@ -88,8 +88,40 @@ class TrainingSection(Section):
     model: ModelSettings = ModelSettings()
     optimizer: TrainingSettings = TrainingSettings()
 
+    @field_validator("model", "optimizer", mode="before")
+    @classmethod
+    def _said_once(cls, value: object, info: ValidationInfo) -> object:
+        own, above = {"model": ("latent", "latent"), "optimizer": ("seed", "seeds")}[
+            info.field_name or ""
+        ]
+        if isinstance(value, Mapping) and own in value:
+            raise ValueError(
+                f"{own!r} is not set here, got {value[own]!r}; give training.{above} as a list"
+            )
+        return value
 
-class EvaluationSection(Section):
+    @model_validator(mode="after")
+    def _every_model_is_possible(self) -> "TrainingSection":
+        for latent in self.latent:
+            try:
+                self._model_of(latent)
+            except ValidationError as error:
+                raise ValueError(error.errors()[0]["msg"].removeprefix("Value error, ")) from error
+        return self
+
+    def plans(self) -> list[tuple[ModelSettings, TrainingSettings]]:
+        """Settings of each model: every latent dimension with every seed."""
+        return [
+            (self._model_of(latent), self.optimizer.model_copy(update={"seed": seed}))
+            for latent in self.latent
+            for seed in self.seeds
+        ]
+
+    def _model_of(self, latent: int) -> ModelSettings:
+        return ModelSettings.model_validate({**self.model.model_dump(), "latent": latent})
+
+
+class EvaluationSection(Settings):
     """How replanners are compared.
 
     Attributes:
@@ -98,6 +130,7 @@ class EvaluationSection(Section):
         library: Whether the trajectory library is evaluated too.
         weights: Distance weights w of the nearest-neighbour look-ups, one evaluation each.
         rollout: The testbed.
+        criteria: What counts as a close step and as a violated range of motion.
     """
 
     rollouts: Count = 100
@@ -105,21 +138,26 @@ class EvaluationSection(Section):
     library: bool = True
     weights: Annotated[tuple[TaskWeights, ...], Field(min_length=1)] = (TaskWeights(),)
     rollout: RolloutSettings = RolloutSettings()
+    criteria: Criteria = Criteria()
 
 
-class ClusterSection(Section):
+class ClusterSection(Settings):
     """Where the work runs.
 
     Attributes:
         address: Address of a running Ray cluster; none starts one on this machine.
         workers: Worker processes; none means one per core.
+        commit_rows: Solutions that are committed to the lake together.
+        commit_seconds: Solutions are committed at least this often (s).
     """
 
     address: str | None = None
     workers: Annotated[int, Field(ge=0)] | None = None
+    commit_rows: Count = 25
+    commit_seconds: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] = 20.0
 
 
-class Configuration(Section):
+class Configuration(Settings):
     """Everything that decides what a run makes, and where it runs."""
 
     dataset: DatasetSection = DatasetSection()
@@ -173,6 +211,16 @@ def fingerprint(*parts: object) -> str:
     ]
     text = json.dumps(plain, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:8]
+
+
+def as_toml(config: Configuration) -> str:
+    """The whole configuration, defaults included, as a file that :func:`load` reads back."""
+    tree = config.model_dump(
+        mode="json",
+        exclude={"training": {"model": {"latent"}, "optimizer": {"seed"}}},
+        exclude_none=True,
+    )
+    return tomli_w.dumps(tree)
 
 
 def builtin_names() -> list[str]:

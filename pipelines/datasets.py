@@ -3,7 +3,6 @@
 import json
 
 from lmtr.errors import DataError
-from lmtr.robot.model import RobotModel
 from pipelines.config import Configuration, parse
 from pipelines.workspace import Workspace
 
@@ -26,20 +25,9 @@ def resolve(workspace: Workspace, dataset_id: str | None, preferred: str | None 
     return str(wanted)
 
 
-def dataset_seed(workspace: Workspace, dataset_id: str) -> int:
-    """The seed that a data set was made with."""
-    rows = workspace.lake.read("datasets", ["seed"], where=f"dataset_id = '{dataset_id}'")
-    return int(rows["seed"][0].as_py())
-
-
 def configuration_of(workspace: Workspace, dataset_id: str) -> Configuration:
     """The settings that a data set was made with, as it recorded them."""
     rows = workspace.lake.read(
         "datasets", ["configuration"], where=f"dataset_id = '{dataset_id}'"
     ).to_pylist()
     return parse(json.loads(rows[0]["configuration"]))
-
-
-def robot_of(workspace: Workspace, dataset_id: str) -> RobotModel:
-    """The robot that a data set was made for."""
-    return configuration_of(workspace, dataset_id).dataset.robot

@@ -6,19 +6,32 @@ import shutil
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from importlib import metadata
+from importlib import import_module, metadata
 from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
 
 from lmtr import __version__
+from lmtr.expert.compilation import COMPILERS
+from pipelines.config import ClusterSection, Configuration
 from pipelines.provenance import code_version
+from pipelines.workspace import Workspace
+from services.cluster import Cluster
 from services.errors import ServiceError
-from services.home import Home
-from services.lake.tables import Lake
 
-LIBRARIES = ("casadi", "torch", "ray", "mlflow", "duckdb", "deltalake", "pyarrow", "faiss-cpu")
+LIBRARIES = (
+    ("casadi", "casadi"),
+    ("torch", "torch"),
+    ("ray", "ray"),
+    ("mlflow-skinny", "mlflow"),
+    ("duckdb", "duckdb"),
+    ("deltalake", "deltalake"),
+    ("pyarrow", "pyarrow"),
+    ("faiss-cpu", "faiss"),
+)
+"""Distribution and module of what the stages cannot do without."""
+
 LOW_DISK_GB = 5.0
 
 
@@ -30,7 +43,7 @@ class Finding:
         subject: What was looked at.
         state: What was found.
         mend: What to do about it; empty where all is well.
-        fatal: Whether nothing works without it.
+        fatal: Whether work fails without it.
     """
 
     subject: str
@@ -39,33 +52,38 @@ class Finding:
     fatal: bool = False
 
 
-def examine(root: Path) -> bool:
+def examine(root: Path, config: Configuration) -> bool:
     """Print the findings for the home at ``root``; returns whether nothing fatal was found."""
-    findings = [finding for look in _LOOKS for finding in look(root)]
     table = Table(title=f"LMTR {__version__}", header_style="bold")
     for column in ("", "what", "state", "what to do"):
         table.add_column(column, overflow="fold")
-    for finding in findings:
-        mark = "✗" if finding.fatal else "!" if finding.mend else "✓"
-        table.add_row(mark, finding.subject, finding.state, finding.mend)
+    healthy = True
+    for look in _LOOKS:
+        for finding in look(root, config.cluster):
+            mark = "✗" if finding.fatal else "!" if finding.mend else "✓"
+            table.add_row(mark, finding.subject, finding.state, finding.mend)
+            healthy = healthy and not finding.fatal
     Console().print(table)
-    return not any(finding.fatal for finding in findings)
+    return healthy
 
 
-def _interpreter(_: Path) -> Iterator[Finding]:
+def _interpreter(_: Path, __: ClusterSection) -> Iterator[Finding]:
     yield Finding("python", f"{platform.python_version()} at {sys.executable}")
     yield Finding("code", code_version())
 
 
-def _libraries(_: Path) -> Iterator[Finding]:
-    for name in LIBRARIES:
+def _libraries(_: Path, __: ClusterSection) -> Iterator[Finding]:
+    for distribution, module in LIBRARIES:
         try:
-            yield Finding(name, metadata.version(name))
-        except metadata.PackageNotFoundError:
-            yield Finding(name, "missing", "install the project again: make install", fatal=True)
+            import_module(module)
+            yield Finding(module, metadata.version(distribution))
+        except (ImportError, metadata.PackageNotFoundError) as error:
+            yield Finding(
+                module, f"cannot be imported: {error}", "install again: make install", fatal=True
+            )
 
 
-def _machine(root: Path) -> Iterator[Finding]:
+def _machine(root: Path, _: ClusterSection) -> Iterator[Finding]:
     yield Finding("cores", str(os.cpu_count()))
     place = next(folder for folder in (root, *root.absolute().parents) if folder.exists())
     free = shutil.disk_usage(place).free / 1e9
@@ -75,8 +93,8 @@ def _machine(root: Path) -> Iterator[Finding]:
     yield Finding("ffmpeg", ffmpeg or "none", "" if ffmpeg else "install it for mp4 (gif works)")
 
 
-def _expert(root: Path) -> Iterator[Finding]:
-    compiler = shutil.which("gcc") or shutil.which("cc")
+def _expert(root: Path, _: ClusterSection) -> Iterator[Finding]:
+    compiler = next((found for name in COMPILERS if (found := shutil.which(name))), None)
     yield Finding(
         "C compiler",
         compiler or "none",
@@ -87,25 +105,40 @@ def _expert(root: Path) -> Iterator[Finding]:
     yield Finding("compiled experts", state)
 
 
-def _home(root: Path) -> Iterator[Finding]:
+def _cluster(_: Path, cluster: ClusterSection) -> Iterator[Finding]:
+    if cluster.address is None:
+        yield Finding("Ray cluster", "none named: one is started on this machine for each stage")
+        return
+    try:
+        with Cluster.connect(address=cluster.address, workers=None):
+            yield Finding("Ray cluster", f"{cluster.address} answers")
+    except ServiceError as error:
+        yield Finding("Ray cluster", str(error), "mend the address, or start it", fatal=True)
+
+
+def _home(root: Path, cluster: ClusterSection) -> Iterator[Finding]:
     if not root.exists():
         yield Finding("home", f"{root} is not there yet", "make one: lmtr run demo")
         return
     try:
-        home = Home.open(root, create=False)
-        lake = Lake(home.lake)
+        workspace = Workspace.open(root, cluster, create=False)
         yield Finding("home", str(root))
+        lake = workspace.lake
         for name in lake.tables():
             rows = lake.query_value(f'SELECT count(*) FROM "{name}"')
             yield Finding(f"table {name}", f"{rows} rows, version {lake.version(name)}")
+        if workspace.home.tracking_db.exists():
+            workspace.tracker.experiment("training")
+            yield Finding("MLflow", f"{workspace.home.tracking_db} answers")
     except ServiceError as error:
         yield Finding("home", str(error), "mend this first", fatal=True)
 
 
-_LOOKS: tuple[Callable[[Path], Iterator[Finding]], ...] = (
+_LOOKS: tuple[Callable[[Path, ClusterSection], Iterator[Finding]], ...] = (
     _interpreter,
     _libraries,
     _machine,
     _expert,
+    _cluster,
     _home,
 )

@@ -1,7 +1,7 @@
 """Exports to Parquet: sampled solutions, sampled rollouts, segments (contract: docs/data.md)."""
 
-import os
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,6 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from lmtr.errors import DataError
 from lmtr.robot.model import FEET
 from lmtr.trajectory.motion import Motion, sampled
 from lmtr.vectors.layout import SEGMENT_LAYOUT, TASK_LAYOUT
@@ -18,27 +17,20 @@ from pipelines import records
 from pipelines.progress import bar
 from pipelines.records import Row
 from pipelines.workspace import Workspace
+from services.files import whole_file
 from services.lake.schemas import SCHEMAS
 
-DOUBLES = pa.list_(pa.float64())
-
-SAMPLE_FIELDS = [
-    pa.field("t", pa.float64()),
-    pa.field("base_pos_W", DOUBLES),
-    pa.field("base_rpy", DOUBLES),
-    pa.field("base_linvel_W", DOUBLES),
-    pa.field("base_angvel_W", DOUBLES),
-    pa.field("foot_pos_W", DOUBLES),
-    pa.field("foot_force_W", DOUBLES),
-    pa.field("foot_contact", pa.list_(pa.bool_())),
+SAMPLES = [pa.field("t", pa.float64())] + [
+    pa.field(column, pa.list_(pa.bool_() if column == "foot_contact" else pa.float64()))
+    for column, _, _ in records.MOTION_COLUMNS
 ]
 """One sample: s, m, rad, m/s, rad/s, m, N; feet LF, RF, LH, RH; world frame."""
 
 SOLUTIONS = pa.schema(
-    [pa.field("dataset_id", pa.string()), pa.field("solution_index", pa.int64()), *SAMPLE_FIELDS]
+    [pa.field("dataset_id", pa.string()), pa.field("solution_index", pa.int64()), *SAMPLES]
 )
 ROLLOUTS = pa.schema(
-    [pa.field("rollout_id", pa.string()), pa.field("replanner", pa.string()), *SAMPLE_FIELDS]
+    [pa.field("rollout_id", pa.string()), pa.field("replanner", pa.string()), *SAMPLES]
 )
 FOOTHOLDS = pa.schema(
     [
@@ -63,7 +55,7 @@ def export_solutions(
     Solutions without a trajectory (their work failed) have no samples.
     """
     rows = _rows(workspace, "solutions", "dataset_id, index", where, limit)
-    with _Parquet(out, SOLUTIONS) as file:
+    with _parquet(out, SOLUTIONS) as file:
         for row in rows:
             if row["base_nodes"]:
                 head = {"dataset_id": row["dataset_id"], "solution_index": row["index"]}
@@ -76,9 +68,9 @@ def export_rollouts(workspace: Workspace, out: Path, where: str | None, limit: i
     """Write one row per rollout and 0.1 s sample, footholds and obstacles in files beside it."""
     rows = _rows(workspace, "rollouts", "rollout_id", where, limit)
     with (
-        _Parquet(out, ROLLOUTS) as file,
-        _Parquet(_beside(out, "footholds"), FOOTHOLDS) as footholds,
-        _Parquet(_beside(out, "obstacles"), OBSTACLES) as obstacles,
+        _parquet(out, ROLLOUTS) as file,
+        _parquet(_beside(out, "footholds"), FOOTHOLDS) as footholds,
+        _parquet(_beside(out, "obstacles"), OBSTACLES) as obstacles,
     ):
         for row in rows:
             rollout_id, motion = row["rollout_id"], records.motion_of(row)
@@ -100,7 +92,7 @@ def export_segments(workspace: Workspace, out: Path, where: str | None, limit: i
     schema = schema.with_metadata({**(schema.metadata or {}), **layouts})
     order = "dataset_id, segmentation_id, solution_index, epoch_s, goal_time_s"
     batches = workspace.lake.batches("segments", where=where, order_by=order, limit=limit)
-    with _Parquet(out, schema) as file:
+    with _parquet(out, schema) as file:
         for batch in batches:
             file.write(batch.cast(schema))
     return file.rows
@@ -112,35 +104,23 @@ def _beside(out: Path, name: str) -> Path:
 
 
 class _Parquet:
-    """A Parquet file that appears under its name only when it is whole."""
+    """Rows written to a Parquet file, and how many they were."""
 
-    def __init__(self, path: Path, schema: pa.Schema) -> None:
-        self._path = path
-        self._partial = path.with_name(f".{path.name}.partial")
-        self._schema = schema
+    def __init__(self, writer: pq.ParquetWriter) -> None:
+        self._writer = writer
         self.rows = 0
-
-    def __enter__(self) -> "_Parquet":
-        try:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            self._writer = pq.ParquetWriter(self._partial, self._schema)
-        except OSError as error:
-            raise DataError(
-                f"export: {self._path} cannot be written ({error}); name another --out"
-            ) from error
-        return self
 
     def write(self, table: pa.Table) -> None:
         """Add rows."""
         self._writer.write_table(table)
         self.rows += table.num_rows
 
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        self._writer.close()
-        if kind is None:
-            os.replace(self._partial, self._path)
-        else:
-            self._partial.unlink(missing_ok=True)
+
+@contextmanager
+def _parquet(path: Path, schema: pa.Schema) -> Iterator[_Parquet]:
+    """A Parquet file to add rows to, which appears under its name only when it is whole."""
+    with whole_file(path) as partial, pq.ParquetWriter(partial, schema) as writer:
+        yield _Parquet(writer)
 
 
 def _rows(
@@ -157,16 +137,11 @@ def _rows(
 
 def _samples(motion: Motion, head: Row, schema: pa.Schema) -> pa.Table:
     """Samples of one motion as rows, each with the constant columns of ``head``."""
-    arrays = (
-        motion.times,
-        motion.base_position_W,
-        motion.base_rpy,
-        motion.base_velocity_W,
-        motion.base_angular_velocity_W,
-        motion.foot_position_W.reshape(len(motion.times), -1),
-        motion.foot_force_W.reshape(len(motion.times), -1),
-        motion.contact,
-    )
+    count = len(motion.times)
+    arrays = [motion.times] + [
+        np.asarray(getattr(motion, name)).reshape(count, -1)
+        for _, name, _ in records.MOTION_COLUMNS
+    ]
     return _constant(head, arrays, schema)
 
 

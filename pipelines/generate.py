@@ -4,41 +4,20 @@ import functools
 import time
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import pyarrow as pa
 
 from lmtr.expert.solve import Expert
 from lmtr.quality.filter import expected_cost, judge
 from lmtr.quality.measure import measure
-from lmtr.task.sampling import sample_noise, sample_task, stream
+from lmtr.streams import Purpose, stream
+from lmtr.task.sampling import sample_noise, sample_task
 from lmtr.vectors.layout import SEGMENT_LAYOUT, TASK_LAYOUT
 from pipelines import records
 from pipelines.config import Configuration
 from pipelines.progress import bar, say
 from pipelines.provenance import code_version
 from pipelines.workspace import Workspace
-from services.lake.schemas import SCHEMAS
-
-BATCH_ROWS = 25
-BATCH_SECONDS = 20.0
-
-
-@dataclass(frozen=True)
-class Generated:
-    """What the stage left in the lake.
-
-    Attributes:
-        dataset_id: The data set.
-        solved: Rows made by this call.
-        present: Rows there before.
-    """
-
-    dataset_id: str
-    solved: int
-    present: int
 
 
 class SolveWorker:
@@ -51,7 +30,7 @@ class SolveWorker:
     def __call__(self, index: int) -> records.Row:
         """The row of ``solutions`` for the task of this index."""
         config, robot = self._config, self._config.dataset.robot
-        rng = stream(config.dataset.seed, index)
+        rng = stream(config.dataset.seed, Purpose.TASK, index)
         task = sample_task(config.tasks, robot, rng)
         noise = sample_noise(config.tasks, config.expert.scope.n_swings, rng)
         solution = self._expert.solve(task, noise)
@@ -76,8 +55,8 @@ def identity(config: Configuration, index: int) -> records.Row:
     }
 
 
-def generate(config: Configuration, workspace: Workspace) -> Generated:
-    """Solve what the data set still lacks; committed rows survive any interruption."""
+def generate(config: Configuration, workspace: Workspace) -> str:
+    """Solve what the data set still lacks; returns its id. Committed rows survive any stop."""
     dataset_id, lake = config.dataset_id, workspace.lake
     with workspace.home.lock(f"generate-{dataset_id}"):
         _register(config, workspace)
@@ -85,7 +64,7 @@ def generate(config: Configuration, workspace: Workspace) -> Generated:
         missing = [i for i in range(config.dataset.solutions) if i not in present]
         if not missing:
             say(f"generate: {dataset_id} has its {config.dataset.solutions} solutions already")
-            return Generated(dataset_id, 0, len(present))
+            return dataset_id
         _prepare_expert(config, workspace.home.cache)
         writer = _Writer(workspace, dataset_id)
         with bar("Solving tasks", len(missing)) as progress:
@@ -96,10 +75,11 @@ def generate(config: Configuration, workspace: Workspace) -> Generated:
             finally:
                 # A stop of any kind keeps what is solved.
                 writer.flush()
+        lake.compact("solutions")
         say(
             f"generate: {dataset_id}: {writer.summary()}; table version {lake.version('solutions')}"
         )
-    return Generated(dataset_id, len(missing), len(present))
+    return dataset_id
 
 
 def _solve(
@@ -139,19 +119,11 @@ def _register(config: Configuration, workspace: Workspace) -> None:
         "code_version": code_version(),
         "created_at": records.now(),
     }
-    workspace.lake.append(
-        "datasets",
-        pa.Table.from_pylist([row], schema=SCHEMAS["datasets"]),
-        app_id=f"datasets/{config.dataset_id}",
-        number=1,
-    )
+    workspace.lake.append_rows("datasets", [row], app_id=f"datasets/{config.dataset_id}")
 
 
 def _present(workspace: Workspace, dataset_id: str) -> set[int]:
-    if not workspace.lake.exists("solutions"):
-        return set()
-    rows = workspace.lake.read("solutions", ["index"], where=f"dataset_id = '{dataset_id}'")
-    return set(rows["index"].to_pylist())
+    return set(workspace.lake.values("solutions", "index", f"dataset_id = '{dataset_id}'"))
 
 
 class _Writer:
@@ -159,6 +131,7 @@ class _Writer:
 
     def __init__(self, workspace: Workspace, dataset_id: str) -> None:
         self._lake = workspace.lake
+        self._settings = workspace.cluster_settings
         self._app_id = f"solutions/{dataset_id}"
         self._rows: list[dict[str, Any]] = []
         self._committed = time.monotonic()
@@ -170,15 +143,15 @@ class _Writer:
         self._rows.append(row)
         self._statuses[row["status"]] += 1
         self._accepted += row["accepted"]
-        if len(self._rows) >= BATCH_ROWS or time.monotonic() - self._committed > BATCH_SECONDS:
+        age = time.monotonic() - self._committed
+        if len(self._rows) >= self._settings.commit_rows or age > self._settings.commit_seconds:
             self.flush()
 
     def flush(self) -> None:
         """Append what is gathered."""
         if self._rows:
-            number = (self._lake.last_transaction("solutions", self._app_id) or 0) + 1
-            table = pa.Table.from_pylist(self._rows, schema=SCHEMAS["solutions"])
-            self._lake.append("solutions", table, app_id=self._app_id, number=number)
+            number = self._lake.next_number("solutions", self._app_id)
+            self._lake.append_rows("solutions", self._rows, app_id=self._app_id, number=number)
             self._rows = []
         self._committed = time.monotonic()
 

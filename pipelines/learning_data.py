@@ -4,16 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.errors import DataError
 from lmtr.models.data import TrainingData
 from lmtr.vectors.mirror import mirror_segment, mirror_task
 from pipelines.config import Configuration
 from pipelines.segment import selection
 from pipelines.workspace import Workspace
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -62,8 +60,7 @@ def resolve_cut(config: Configuration, workspace: Workspace, dataset_id: str) ->
     Raises:
         DataError: The data set has not been cut, or in several other ways.
     """
-    rows = workspace.lake.read("segments", ["segmentation_id"], f"dataset_id = '{dataset_id}'")
-    known = sorted(set(rows["segmentation_id"].to_pylist()))
+    known = workspace.lake.values("cuts", "segmentation_id", f"dataset_id = '{dataset_id}'")
     if config.segmentation_id in known:
         return config.segmentation_id
     if not known:
@@ -76,9 +73,7 @@ def resolve_cut(config: Configuration, workspace: Workspace, dataset_id: str) ->
     return str(known[0])
 
 
-def learning_data(
-    config: Configuration, workspace: Workspace, dataset_id: str, version: int | None = None
-) -> LearningData:
+def learning_data(config: Configuration, workspace: Workspace, dataset_id: str) -> LearningData:
     """Read the segments that the configuration means, see :func:`resolve_cut`.
 
     Raises:
@@ -86,7 +81,7 @@ def learning_data(
     """
     lake = workspace.lake
     cut = resolve_cut(config, workspace, dataset_id)
-    version = lake.version("segments") if version is None else version
+    version = lake.version("segments")
     table = lake.read(
         "segments",
         ["split", "x", "tau"],

@@ -1,6 +1,5 @@
 """Progress of long work, for a terminal or for a log."""
 
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -62,8 +61,3 @@ def bar(title: str, total: int | None) -> Iterator[Bar]:
 def say(message: str) -> None:
     """Print one line of news about the work, on standard error."""
     console.print(message, markup=False, soft_wrap=True)
-
-
-def is_interactive() -> bool:
-    """Whether a person watches standard output."""
-    return sys.stdout.isatty()

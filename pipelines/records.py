@@ -7,8 +7,8 @@ from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.expert.solve import Solution
 from lmtr.models.record import EpochRecord
 from lmtr.quality.filter import Verdict
@@ -20,7 +20,6 @@ from lmtr.task.task import Task
 from lmtr.trajectory.motion import Footholds, Motion
 from lmtr.trajectory.trajectory import FORCE_PIECES, Trajectory
 
-Array = NDArray[np.float64]
 Row = dict[str, Any]
 
 TRAJECTORY_COLUMNS = tuple(field.name for field in fields(Trajectory))
@@ -99,6 +98,7 @@ def solution_columns(
         "iterations": solution.iterations,
         "solve_cpu_s": solution.solve_cpu_s,
         "liftoff_swaps": solution.liftoff_swaps,
+        "window_active": solution.window_active,
         "gait_order": list(solution.order),
         "guess_footholds": solution.guess.footholds.ravel().tolist(),
         **trajectory_columns(solution.trajectory),

@@ -1,13 +1,17 @@
 """All stages in a row: from a configuration to a report."""
 
-import shlex
-import shutil
-import sys
 import time
 from pathlib import Path
 
 from pipelines.config import Configuration
+from pipelines.evaluate import evaluate
+from pipelines.generate import generate
+from pipelines.invocation import command, short
+from pipelines.learning_data import learning_data
 from pipelines.progress import say
+from pipelines.report import report
+from pipelines.segment import segment
+from pipelines.train import train
 from pipelines.workspace import Workspace
 
 
@@ -16,41 +20,18 @@ def run(config: Configuration, workspace: Workspace) -> Path:
 
     Every stage skips what is done, so an interrupted run goes on where it stopped.
     """
-    from pipelines.evaluate import evaluate
-    from pipelines.generate import generate
-    from pipelines.report import report
-    from pipelines.segment import segment
-    from pipelines.train import train
-
     began = time.monotonic()
-    dataset_id = generate(config, workspace).dataset_id
+    dataset_id = generate(config, workspace)
     segment(config, workspace, dataset_id)
-    model_ids = train(config, workspace, dataset_id)
-    evaluations = evaluate(config, workspace, dataset_id, model_ids)
-    page = report(config, workspace, dataset_id, model_ids, evaluations)
+    data = learning_data(config, workspace, dataset_id)
+    model_ids = train(config, workspace, data)
+    evaluation_ids = evaluate(config, workspace, data, model_ids)
+    page = report(workspace, data, model_ids, evaluation_ids, config)
     say(f"\nDone in {time.monotonic() - began:.0f} s.")
-    _tell_what_next(workspace, page)
-    return page
-
-
-def _tell_what_next(workspace: Workspace, page: Path) -> None:
-    command = f"{_command()} --home {shlex.quote(str(_short(workspace.home.root)))}"
-    say(f"Report:      {_short(page)}")
-    say(f"Experiments: {command} ui")
+    say(f"Report:      {short(page)}")
+    say(f"Experiments: {command(workspace)} ui")
     say(
-        f"A query:     {command} query \"SELECT replanner, summary['close_share'] AS close "
-        'FROM evaluations ORDER BY close"'
+        f"A query:     {command(workspace)} query \"SELECT replanner, summary['close_share'] AS "
+        'close FROM evaluations ORDER BY close"'
     )
-
-
-def _command() -> str:
-    """How the user calls ``lmtr`` here: by name where it is on the path."""
-    if shutil.which("lmtr") is not None:
-        return "lmtr"
-    return shlex.quote(str(_short(Path(sys.argv[0]).absolute())))
-
-
-def _short(path: Path) -> Path:
-    """The path as seen from here, where it lies below."""
-    here = Path.cwd()
-    return path.relative_to(here) if path.is_relative_to(here) else path
+    return page

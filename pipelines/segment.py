@@ -1,73 +1,56 @@
 """Stage 2: cut accepted solutions into segments (x, τ)."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pyarrow as pa
 
 from lmtr.segmentation.segment import Segments, segment_solution
-from lmtr.task.sampling import stream
+from lmtr.segmentation.split import in_validation
+from lmtr.streams import Purpose, stream
 from pipelines import records
 from pipelines.config import Configuration
-from pipelines.datasets import dataset_seed
+from pipelines.datasets import configuration_of
 from pipelines.progress import bar, say
+from pipelines.provenance import code_version
 from pipelines.workspace import Workspace
 from services.lake.schemas import SCHEMAS
 
 BATCH_SOLUTIONS = 50
 
-STREAM_SEGMENTS = 1
-"""Second part of the key of a solution's segmentation stream."""
 
-GOLDEN_RATIO = 0.6180339887498949
-
-
-@dataclass(frozen=True)
-class Segmented:
-    """What the stage left in the lake.
-
-    Attributes:
-        dataset_id: The data set.
-        segmentation_id: How it was cut.
-        segments: Segments of this data set and cut in the table.
-        version: Version of the table ``segments``.
-    """
-
-    dataset_id: str
-    segmentation_id: str
-    segments: int
-    version: int
-
-
-def in_validation(index: int, share: float) -> bool:
-    """Whether a solution is held out: a golden-ratio sequence spreads them evenly.
-
-    The decision depends on the index alone, so a data set that grows keeps its split, and every
-    stretch of indices, however short, holds close to ``share`` of them.
-    """
-    return (index * GOLDEN_RATIO) % 1.0 < share
-
-
-def segment(config: Configuration, workspace: Workspace, dataset_id: str) -> Segmented:
+def segment(config: Configuration, workspace: Workspace, dataset_id: str) -> None:
     """Cut the accepted solutions that have not been cut this way before."""
     lake, cut = workspace.lake, config.segmentation_id
     with workspace.home.lock(f"segment-{dataset_id}"):
+        _register(config, workspace, dataset_id)
         missing = _missing(workspace, dataset_id, cut)
-        seed = dataset_seed(workspace, dataset_id)
+        seed = configuration_of(workspace, dataset_id).dataset.seed
         made = 0
         with bar("Cutting segments", len(missing)) as progress:
             for start in range(0, len(missing), BATCH_SOLUTIONS):
                 batch = missing[start : start + BATCH_SOLUTIONS]
                 made += _cut_batch(config, workspace, dataset_id, seed, batch)
                 progress.advance(len(batch), f"{made} segments")
-    total = (
-        lake.query_value(f"SELECT count(*) FROM segments WHERE {selection(dataset_id, cut)}")
-        if lake.exists("segments")
-        else 0
-    )
-    version = lake.version("segments") if lake.exists("segments") else 0
-    say(f"segment: {dataset_id}: {made} new segments, {total} in all; table version {version}")
-    return Segmented(dataset_id, cut, total, version)
+        if made:
+            lake.compact("segments")
+    total = len(lake.values("segments", "solution_index", selection(dataset_id, cut)))
+    say(f"segment: {dataset_id}: {made} new segments, {total} in all")
+
+
+def _register(config: Configuration, workspace: Workspace, dataset_id: str) -> None:
+    """Describe this way of cutting the data set once in ``cuts``."""
+    settings = {
+        "segmentation": config.segmentation.model_dump(mode="json"),
+        "validation_share": config.training.validation_share,
+    }
+    row = {
+        "dataset_id": dataset_id,
+        "segmentation_id": config.segmentation_id,
+        "settings": records.to_json(settings),
+        "code_version": code_version(),
+        "created_at": records.now(),
+    }
+    app_id = f"cuts/{dataset_id}/{config.segmentation_id}"
+    workspace.lake.append_rows("cuts", [row], app_id=app_id)
 
 
 def selection(dataset_id: str, segmentation_id: str) -> str:
@@ -77,13 +60,9 @@ def selection(dataset_id: str, segmentation_id: str) -> str:
 
 def _missing(workspace: Workspace, dataset_id: str, cut: str) -> list[int]:
     lake = workspace.lake
-    accepted = lake.read(
-        "solutions", ["index"], where=f"dataset_id = '{dataset_id}' AND accepted", order_by="index"
-    )["index"].to_pylist()
-    if not lake.exists("segments"):
-        return list(accepted)
-    done = lake.read("segments", ["solution_index"], where=selection(dataset_id, cut))
-    return sorted(set(accepted) - set(done["solution_index"].to_pylist()))
+    accepted = lake.values("solutions", "index", f"dataset_id = '{dataset_id}' AND accepted")
+    done = lake.values("segments", "solution_index", selection(dataset_id, cut))
+    return sorted(set(accepted) - set(done))
 
 
 def _cut_batch(
@@ -103,14 +82,14 @@ def _cut_batch(
             records.trajectory_of(row),
             records.task_of(row).obstacles_W,
             config.segmentation,
-            stream(seed, row["index"], STREAM_SEGMENTS),
+            stream(seed, Purpose.SEGMENTS, row["index"]),
         )
         split = "validation" if in_validation(row["index"], share) else "train"
         tables.append(_table(segments, dataset_id, row["index"], split, cut))
     table = pa.concat_tables(tables)
     if table.num_rows:
         app_id = f"segments/{dataset_id}/{cut}"
-        number = (lake.last_transaction("segments", app_id) or 0) + 1
+        number = lake.next_number("segments", app_id)
         lake.append("segments", table, app_id=app_id, number=number)
     return int(table.num_rows)
 

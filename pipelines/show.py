@@ -6,10 +6,9 @@ from lmtr.errors import ConfigurationError, DataError
 from lmtr.figures.animation import animate
 from lmtr.figures.motion_figure import motion_figure
 from lmtr.figures.style import save
-from lmtr.robot.model import RobotModel
 from lmtr.trajectory.motion import Motion, sampled
 from pipelines import records
-from pipelines.datasets import resolve, robot_of
+from pipelines.datasets import configuration_of, resolve
 from pipelines.progress import say
 from pipelines.workspace import Workspace
 
@@ -85,9 +84,14 @@ def _draw(
     animation_format: str | None,
 ) -> list[Path]:
     folder = out or workspace.home.reports / "shown"
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigurationError(
+            f"show: {folder} cannot be made a folder ({error.strerror}); name another --out"
+        ) from error
     obstacles = records.obstacles_of(row)
-    robot: RobotModel = robot_of(workspace, dataset_id)
+    robot = configuration_of(workspace, dataset_id).dataset.robot
     picture = folder / f"{stem}.png"
     save(motion_figure(motion, obstacles, title), picture)
     paths = [picture]

@@ -3,9 +3,6 @@
 import functools
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
-
-import pyarrow as pa
 
 from lmtr.errors import ModelError
 from lmtr.figures.learning import learning_figure
@@ -17,13 +14,12 @@ from lmtr.models.training import train as fit
 from lmtr.robot.model import RobotModel
 from pipelines import records
 from pipelines.config import Configuration, fingerprint
-from pipelines.datasets import robot_of
-from pipelines.learning_data import LearningData, learning_data
+from pipelines.datasets import configuration_of
+from pipelines.learning_data import LearningData
 from pipelines.progress import bar, say
 from pipelines.provenance import code_version
 from pipelines.registry import is_trained
 from pipelines.workspace import Workspace
-from services.lake.schemas import SCHEMAS
 
 EXPERIMENT = "training"
 
@@ -69,20 +65,14 @@ class TrainWorker:
 def jobs(config: Configuration, data: LearningData) -> list[Job]:
     """The models that a configuration asks for on these data."""
     made = []
-    for latent in config.training.latent:
-        for seed in config.training.seeds:
-            model = ModelSettings.model_validate(
-                {**config.training.model.model_dump(), "latent": latent}
-            )
-            optimizer = config.training.optimizer.model_copy(update={"seed": seed})
-            digest = fingerprint(model, optimizer, data.identity)
-            made.append(Job(model, optimizer, f"{model.name.lower()}-s{seed}-{digest}"))
+    for model, optimizer in config.training.plans():
+        digest = fingerprint(model, optimizer, data.identity)
+        made.append(Job(model, optimizer, f"{model.name.lower()}-s{optimizer.seed}-{digest}"))
     return made
 
 
-def train(config: Configuration, workspace: Workspace, dataset_id: str) -> list[str]:
+def train(config: Configuration, workspace: Workspace, data: LearningData) -> list[str]:
     """Train what is missing; returns the ids of all models that the configuration asks for."""
-    data = learning_data(config, workspace, dataset_id)
     wanted = jobs(config, data)
     missing = [job for job in wanted if not is_trained(workspace, job.model_id)]
     if missing:
@@ -93,7 +83,7 @@ def train(config: Configuration, workspace: Workspace, dataset_id: str) -> list[
 
 
 def _train_missing(workspace: Workspace, data: LearningData, missing: list[Job]) -> None:
-    robot = robot_of(workspace, data.dataset_id)
+    robot = configuration_of(workspace, data.dataset_id).dataset.robot
     experiment = workspace.tracker.experiment(EXPERIMENT)
     make_worker = functools.partial(TrainWorker, data, robot)
     failed: list[str] = []
@@ -118,44 +108,35 @@ def _record(
 ) -> None:
     """Log the run, put the model into its folder, and then make it known to the lake."""
     folder = workspace.home.models / job.model_id
-    metrics = _metrics(model)
-    parameters = {
-        **{f"model.{key}": value for key, value in job.model.model_dump().items()},
-        **{f"optimizer.{key}": value for key, value in job.optimizer.model_dump().items()},
-        **data.provenance,
+    settings = {
+        "model": job.model.model_dump(mode="json"),
+        "optimizer": job.optimizer.model_dump(mode="json"),
     }
     tags = {"model_id": job.model_id, "code_version": code_version(), "stage": "train"}
-    with workspace.tracker.run(experiment, job.model_id, parameters, tags) as run:
+    with workspace.tracker.run(
+        experiment, job.model_id, {**settings, **data.provenance}, tags
+    ) as run:
         run.metrics(_learning_curve(model.history))
-        run.metrics((f"best.{key}", value, 0) for key, value in metrics.items())
-        run.figure(
-            learning_figure({job.model.name: records.learning_history(model.history)}),
-            "learning.png",
-        )
+        run.metrics((f"best.{key}", value, 0) for key, value in _metrics(model).items())
+        history = records.learning_history(model.history)
+        run.figure(learning_figure({job.model.name: history}), "learning.png")
         checkpoint.save(model, folder)
         run.artifacts(folder, "model")
-        run_id = run.id
-    row: dict[str, Any] = {
+    row = {
         "model_id": job.model_id,
         "dataset_id": data.dataset_id,
         "segmentation_id": data.segmentation_id,
         "segments_version": data.version,
         "latent": job.model.latent,
         "seed": job.optimizer.seed,
-        "settings": records.to_json(
-            {
-                "model": job.model.model_dump(mode="json"),
-                "optimizer": job.optimizer.model_dump(mode="json"),
-            }
-        ),
-        "metrics": list(metrics.items()),
+        "settings": records.to_json(settings),
+        "metrics": list(_metrics(model).items()),
         "folder": job.model_id,
-        "mlflow_run_id": run_id,
+        "mlflow_run_id": run.id,
         "code_version": code_version(),
         "created_at": records.now(),
     }
-    table = pa.Table.from_pylist([row], schema=SCHEMAS["models"])
-    workspace.lake.append("models", table, app_id=f"models/{job.model_id}", number=1)
+    workspace.lake.append_rows("models", [row], app_id=f"models/{job.model_id}")
 
 
 def _metrics(model: TrainedModel) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""Services that know nothing of quadrupeds: lakehouse, cluster, tracking, planner.
+"""Services that know nothing of quadrupeds: home, lakehouse, cluster, tracking.
 
 Nothing here imports ``lmtr`` or ``pipelines``.
 """

@@ -16,6 +16,10 @@ class LakeError(ServiceError):
     """A table is missing, a row breaks its schema, or a query is not allowed."""
 
 
+class OutputError(ServiceError):
+    """A file that was asked for cannot be written."""
+
+
 class ClusterError(ServiceError):
     """A cluster cannot be reached, or its work failed for good."""
 

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from pipelines.cli import options
-from pipelines.cli.options import HomeOption
+from pipelines.cli.options import ConfigOption, HomeOption, SetOption
 
 
 def register(app: typer.Typer) -> None:
@@ -17,7 +17,9 @@ def register(app: typer.Typer) -> None:
 
 def ui(
     ctx: typer.Context,
-    port: Annotated[int, typer.Option("--port", "-p", help="Port on this machine.")] = 5000,
+    port: Annotated[
+        int, typer.Option("--port", "-p", min=1, max=65535, help="Port on this machine.")
+    ] = 5000,
     home: HomeOption = None,
 ) -> None:
     """Open MLflow's web page on the runs of the home (stop it with Ctrl-C)."""
@@ -26,9 +28,15 @@ def ui(
     serve(options.workspace(ctx, home, create=False), port)
 
 
-def doctor(ctx: typer.Context, home: HomeOption = None) -> None:
+def doctor(
+    ctx: typer.Context,
+    config: ConfigOption = None,
+    overrides: SetOption = None,
+    home: HomeOption = None,
+) -> None:
     """Say what is installed, what is compiled, what can be reached, and how to mend the rest."""
     from pipelines.doctor import examine
 
-    healthy = examine(options.resolve_home(ctx, home))
+    settings = options.configuration(config, overrides)
+    healthy = examine(options.resolve_home(ctx, home), settings)
     raise typer.Exit(0 if healthy else 1)

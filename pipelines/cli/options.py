@@ -2,12 +2,15 @@
 
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from pipelines.config import Configuration, load
 from pipelines.workspace import Workspace
+
+if TYPE_CHECKING:
+    from pipelines.learning_data import LearningData
 
 DEFAULT_HOME = Path("lmtr-home")
 
@@ -79,3 +82,21 @@ def workspace(
     """The workspace that the options name."""
     cluster = config.cluster if config is not None else Configuration().cluster
     return Workspace.open(resolve_home(ctx, home), cluster, create=create)
+
+
+def dataset_id(
+    space: Workspace, settings: Configuration, config: str | None, dataset: str | None
+) -> str:
+    """The data set named by ``--dataset``, else by ``--config``, else the newest."""
+    from pipelines.datasets import resolve
+
+    return resolve(space, dataset, settings.dataset_id if config else None)
+
+
+def learning_data(
+    space: Workspace, settings: Configuration, config: str | None, dataset: str | None
+) -> "LearningData":
+    """The segments of that data set."""
+    from pipelines.learning_data import learning_data as segments_of
+
+    return segments_of(settings, space, dataset_id(space, settings, config, dataset))

@@ -73,7 +73,7 @@ def generate(
         cluster__workers=workers,
     )
     made = make(settings, options.workspace(ctx, home, settings, create=True))
-    typer.echo(made.dataset_id)
+    typer.echo(made)
 
 
 def segment(
@@ -84,12 +84,11 @@ def segment(
     home: HomeOption = None,
 ) -> None:
     """Cut the accepted solutions into segments of 0.8 s and one swing per leg."""
-    from pipelines.datasets import resolve
     from pipelines.segment import segment as cut
 
     settings = options.configuration(config, overrides)
     space = options.workspace(ctx, home, settings, create=False)
-    cut(settings, space, resolve(space, dataset, settings.dataset_id if config else None))
+    cut(settings, space, options.dataset_id(space, settings, config, dataset))
 
 
 def train(
@@ -107,7 +106,6 @@ def train(
     home: HomeOption = None,
 ) -> None:
     """Train one model per latent dimension on the segments of a data set."""
-    from pipelines.datasets import resolve
     from pipelines.train import train as fit
 
     settings = options.configuration(
@@ -117,7 +115,7 @@ def train(
         cluster__workers=workers,
     )
     space = options.workspace(ctx, home, settings, create=False)
-    fit(settings, space, resolve(space, dataset, settings.dataset_id if config else None))
+    fit(settings, space, options.learning_data(space, settings, config, dataset))
 
 
 def evaluate(
@@ -132,14 +130,13 @@ def evaluate(
     home: HomeOption = None,
 ) -> None:
     """Roll every trained replanner and the trajectory library out over random obstacle courses."""
-    from pipelines.datasets import resolve
     from pipelines.evaluate import evaluate as roll_out
 
     settings = options.configuration(
         config, overrides, evaluation__rollouts=rollouts, cluster__workers=workers
     )
     space = options.workspace(ctx, home, settings, create=False)
-    roll_out(settings, space, resolve(space, dataset, settings.dataset_id if config else None))
+    roll_out(settings, space, options.learning_data(space, settings, config, dataset))
 
 
 def report(
@@ -150,11 +147,8 @@ def report(
     home: HomeOption = None,
 ) -> None:
     """Write the HTML report of a data set, its models and its rollouts."""
-    from pipelines.datasets import resolve
     from pipelines.report import report as write
 
     settings = options.configuration(config, overrides)
     space = options.workspace(ctx, home, settings, create=False)
-    typer.echo(
-        write(settings, space, resolve(space, dataset, settings.dataset_id if config else None))
-    )
+    typer.echo(write(space, options.learning_data(space, settings, config, dataset)))

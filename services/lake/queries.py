@@ -4,7 +4,6 @@ import csv
 import io
 import json
 import math
-import os
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -18,6 +17,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from services.errors import LakeError
+from services.files import whole_file
 from services.lake.sandbox import evaluated
 from services.lake.tables import Lake, Value
 
@@ -49,7 +49,8 @@ def write_result(table: pa.Table, path: Path | None, form: str) -> None:
             ``parquet``.
 
     Raises:
-        LakeError: The format is unknown, or the file cannot be written.
+        LakeError: The format is unknown.
+        OutputError: The file cannot be written.
     """
     if form not in WRITERS:
         raise LakeError(f"result: format must be one of {', '.join(WRITERS)}, got {form!r}")
@@ -58,18 +59,8 @@ def write_result(table: pa.Table, path: Path | None, form: str) -> None:
         write(table, sys.stdout.buffer)
         sys.stdout.buffer.flush()
         return
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with partial.open("wb") as file:
-            write(table, file)
-        os.replace(partial, path)
-    except OSError as error:
-        raise LakeError(
-            f"result: {path} cannot be written ({error.strerror}); name another file"
-        ) from error
-    finally:
-        partial.unlink(missing_ok=True)
+    with whole_file(path) as partial, partial.open("wb") as file:
+        write(table, file)
 
 
 def _distinct(names: list[str]) -> list[str]:

@@ -133,6 +133,14 @@ SOLUTIONS = (
     CREATED_AT,
 )
 
+CUTS = (
+    DATASET_ID,
+    SEGMENTATION_ID,
+    column("settings", TEXT, "how solutions are cut and split, JSON"),
+    CODE_VERSION,
+    CREATED_AT,
+)
+
 SEGMENTS = (
     DATASET_ID,
     column("solution_index", pa.int64(), "index of the solution it was cut from"),
@@ -169,6 +177,7 @@ EVALUATIONS = (
     column("replanner", TEXT, "name of the replanner"),
     column("model_id", TEXT, "its model; none for the trajectory library", nullable=True),
     column("weights", REALS, "distance weights w of base, feet, obstacles, goal"),
+    column("planner", TEXT, "the replanner's own description, JSON"),
     column("settings", TEXT, "courses and testbed, JSON"),
     SEED,
     column("summary", NUMBERS, "metrics over all rollouts", unit="SI"),
@@ -235,6 +244,7 @@ def _schema(name: str, version: int, columns: tuple[pa.Field, ...]) -> pa.Schema
 SCHEMAS: dict[str, pa.Schema] = {
     "datasets": _schema("datasets", 1, DATASETS),
     "solutions": _schema("solutions", 1, SOLUTIONS),
+    "cuts": _schema("cuts", 1, CUTS),
     "segments": _schema("segments", 1, SEGMENTS),
     "models": _schema("models", 1, MODELS),
     "evaluations": _schema("evaluations", 1, EVALUATIONS),
@@ -244,7 +254,8 @@ SCHEMAS: dict[str, pa.Schema] = {
 IDENTITY: dict[str, tuple[str, ...]] = {
     "datasets": ("dataset_id",),
     "solutions": ("dataset_id", "index"),
-    "segments": ("dataset_id", "solution_index", "epoch_s", "goal_time_s"),
+    "cuts": ("dataset_id", "segmentation_id"),
+    "segments": ("dataset_id", "segmentation_id", "solution_index", "epoch_s", "goal_time_s"),
     "models": ("model_id",),
     "evaluations": ("evaluation_id",),
     "rollouts": ("rollout_id",),
@@ -257,6 +268,7 @@ FINITE: dict[str, tuple[str, ...]] = {"segments": ("x", "tau")}
 MADE_BY: dict[str, str] = {
     "datasets": "lmtr generate",
     "solutions": "lmtr generate",
+    "cuts": "lmtr segment",
     "segments": "lmtr segment",
     "models": "lmtr train",
     "evaluations": "lmtr evaluate",

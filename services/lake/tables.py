@@ -1,6 +1,6 @@
 """Tables of the lake: idempotent appends, reads of any version (Delta Lake through delta-rs)."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -143,6 +143,27 @@ class Lake:
                 if batch.num_rows:
                     yield pa.Table.from_batches([batch]).cast(schema)
 
+    def values(self, table: str, column: str, where: str | None = None) -> list[Any]:
+        """The values of one column; none from a table that is not there yet."""
+        if not self.exists(table):
+            return []
+        return list(self.read(table, [column], where)[column].to_pylist())
+
+    def append_rows(
+        self, table: str, rows: Sequence[Mapping[str, Any]], *, app_id: str, number: int = 1
+    ) -> bool:
+        """Append rows given as dictionaries, see :meth:`append`; missing columns are null."""
+        return self.append(
+            table,
+            pa.Table.from_pylist(list(rows), schema=SCHEMAS[table]),
+            app_id=app_id,
+            number=number,
+        )
+
+    def next_number(self, table: str, app_id: str) -> int:
+        """The number of the next transaction of an application that appends again and again."""
+        return (self.last_transaction(table, app_id) or 0) + 1
+
     def query_value(self, sql: str) -> Value:
         """The first value of the first row of a query over all tables; None if there is no row."""
         with evaluated(self.views(), sql) as relation:
@@ -201,12 +222,7 @@ class Lake:
                 f"table {table!r} cannot be read: {_line(error)}; check the files in "
                 f"{self._path(table)}"
             ) from error
-        found, known = delta.metadata().configuration.get(VERSION_KEY), version_of(SCHEMAS[table])
-        if found != known:
-            raise LakeError(
-                f"table {table!r} is of schema version {found}, this LMTR knows {known}; use the "
-                "LMTR that made it, or another home"
-            )
+        _require_known(table, delta)
         return delta
 
     def _open_or_create(self, table: str) -> DeltaTable:
@@ -242,6 +258,19 @@ class Lake:
         return LakeError(
             f"table {table!r} cannot be written: {_line(error)}; check space and permissions of "
             f"{self._path(table)}"
+        )
+
+
+def _require_known(table: str, delta: DeltaTable) -> None:
+    """Refuse a table whose columns are not those of this LMTR's schema."""
+    found, known = delta.metadata().configuration.get(VERSION_KEY), version_of(SCHEMAS[table])
+    columns = {field.name for field in delta.schema().fields}
+    differing = sorted(columns.symmetric_difference(SCHEMAS[table].names))
+    if found != known or differing:
+        about = f" and differs in {', '.join(differing)}" if differing else ""
+        raise LakeError(
+            f"table {table!r} is of schema version {found}{about}, this LMTR knows version "
+            f"{known}; use the LMTR that made it, or another home"
         )
 
 

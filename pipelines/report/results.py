@@ -1,20 +1,21 @@
 """What the lake says of replanners and of the expert, in the form that the report compares."""
 
+import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.errors import DataError
 from lmtr.robot.model import RobotModel
 from lmtr.rollout.metrics import forward_violation, obstacle_clearances
+from lmtr.rollout.settings import Criteria
 from lmtr.rollout.summary import performance
 from lmtr.trajectory.motion import sampled
 from pipelines import records
 from pipelines.workspace import Workspace
-
-Array = NDArray[np.float64]
 
 EXPERT = "expert"
 """Label of the line of reference."""
@@ -32,15 +33,23 @@ class Evaluation:
         summary: Named figures, SI units.
         clearances: Closest foothold of each foot to each line crossed, pooled (m).
         violations: Forward violation of each contacting foot in each sample, pooled (m).
+        criteria: What they were judged by.
         example: A row of ``rollouts`` to show: the first that reached its end, or the first; empty
             for the expert.
+        seed: Seed of the courses; None for the expert.
+        settings: The testbed as recorded; empty for the expert.
+        planner: The replanner's own description; empty for the expert.
     """
 
     label: str
     summary: dict[str, float]
     clearances: Array
     violations: Array
-    example: records.Row
+    criteria: Criteria
+    example: records.Row = field(default_factory=dict)
+    seed: int | None = None
+    settings: dict[str, Any] = field(default_factory=dict)
+    planner: dict[str, Any] = field(default_factory=dict)
 
 
 def evaluations(workspace: Workspace, ids: Sequence[str]) -> list[Evaluation]:
@@ -63,27 +72,37 @@ def evaluations(workspace: Workspace, ids: Sequence[str]) -> list[Evaluation]:
         first = lake.read(
             "rollouts", where=where, order_by="outcome = 'diverged', index", limit=1
         ).to_pylist()
+        settings = json.loads(rows[0]["settings"])
         made.append(
             Evaluation(
                 label=rows[0]["replanner"],
                 summary=dict(rows[0]["summary"]),
                 clearances=_pool(pooled["clearances"].to_pylist()),
                 violations=_pool(pooled["violations"].to_pylist()),
+                criteria=Criteria.model_validate(settings["criteria"]),
                 example=first[0],
+                seed=rows[0]["seed"],
+                settings=settings,
+                planner=json.loads(rows[0]["planner"]),
             )
         )
     return made
 
 
-def expert_reference(rows: Sequence[records.Row], robot: RobotModel) -> Evaluation:
+def expert_reference(
+    rows: Sequence[records.Row], robot: RobotModel, criteria: Criteria
+) -> Evaluation:
     """The accepted solutions, judged as rollouts are, on the tasks they were made for."""
     motions = [
         (sampled(records.trajectory_of(row), SAMPLE_STEP_S), records.obstacles_of(row))
         for row in rows
         if row["accepted"]
     ]
-    found = performance(motions, robot)
-    violations = [forward_violation(motion, robot)[motion.contact] for motion, _ in motions]
+    found = performance(motions, robot, criteria)
+    violations = [
+        forward_violation(motion, robot, criteria.forward_limit)[motion.contact]
+        for motion, _ in motions
+    ]
     return Evaluation(
         label=EXPERT,
         summary={
@@ -96,7 +115,7 @@ def expert_reference(rows: Sequence[records.Row], robot: RobotModel) -> Evaluati
         },
         clearances=_pool([obstacle_clearances(m, lines).ravel() for m, lines in motions]),
         violations=_pool(violations),
-        example={},
+        criteria=criteria,
     )
 
 

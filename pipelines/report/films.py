@@ -4,15 +4,15 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
 from lmtr.figures.animation import AnimationSettings, animate
 from lmtr.figures.resample import resampled
 from lmtr.robot.model import RobotModel
 from lmtr.trajectory.motion import Motion, sampled
 from pipelines import records
-from pipelines.report_page import Picture
-from pipelines.results import Evaluation
+from pipelines.report.page import Picture
+from pipelines.report.results import Evaluation
 
 SETTINGS = AnimationSettings(fps=12, resolution=90)
 
@@ -50,7 +50,7 @@ def _film(
     name: str,
     title: str,
     motion: Motion,
-    obstacles_W: NDArray[np.float64],
+    obstacles_W: Array,
     robot: RobotModel,
     folder: Path,
 ) -> Picture:

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from lmtr.errors import DataError
-from pipelines.report_page import (
+from pipelines.report.page import (
     Commands,
     Picture,
     ReportContent,

@@ -1,0 +1,31 @@
+"""Files that appear under their name only when they are whole."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from services.errors import OutputError
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Give a path to write to, which takes the place of ``path`` when the block ends well.
+
+    Folders are made as needed. After an error nothing is left, and what stood at ``path`` stays.
+
+    Raises:
+        OutputError: The file cannot be written, the disk being full included.
+    """
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield partial
+        os.replace(partial, path)
+    except OSError as error:
+        raise OutputError(
+            f"{path} cannot be written ({error.strerror or error}); name another file or make room"
+        ) from error
+    finally:
+        if partial.is_file():
+            partial.unlink()
