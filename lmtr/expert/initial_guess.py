@@ -16,6 +16,7 @@ from lmtr.robot.model import N_FEET, RobotModel
 from lmtr.spline.bspline import hermite_nodes
 from lmtr.task.sampling import Noise, gait_order
 from lmtr.task.task import Task
+from lmtr.trajectory.nodes import HEIGHT, PLANAR, VALUE
 from lmtr.trajectory.trajectory import BASE_STEP, FORCE_PIECES, Trajectory
 
 STANDING_SHARE = 0.30
@@ -73,8 +74,8 @@ def base_control_points(task: Task, noise: Noise, robot: RobotModel, scope: Scop
     spread = (times - BASE_STEP) * scope.duration / (scope.duration - 2.0 * BASE_STEP)
     planar = base_path(task, noise, scope, np.clip(spread, 0.0, scope.duration))
     control = np.zeros((scope.n_nodes + 2, 6))
-    control[:, [0, 1, 5]] = planar
-    control[:, 2] = robot.nominal_height
+    control[:, PLANAR] = planar
+    control[:, HEIGHT] = robot.nominal_height
     return control
 
 
@@ -120,7 +121,7 @@ def _swing_nodes(feet: Array, times: Array, clearance: float) -> Array:
 def _force_nodes(robot: RobotModel, scope: Scope) -> Array:
     """Force nodes (4, S, K + 1, 2, 3): a share of the weight wherever no swing is next to it."""
     nodes = np.zeros((N_FEET, scope.n_stances, FORCE_PIECES + 1, 2, 3))
-    nodes[:, :, 1:-1, 0, 2] = STANDING_SHARE * robot.weight
-    nodes[:, 0, 0, 0, 2] = STANDING_SHARE * robot.weight
-    nodes[:, -1, -1, 0, 2] = STANDING_SHARE * robot.weight
+    nodes[:, :, 1:-1, VALUE, 2] = STANDING_SHARE * robot.weight
+    nodes[:, 0, 0, VALUE, 2] = STANDING_SHARE * robot.weight
+    nodes[:, -1, -1, VALUE, 2] = STANDING_SHARE * robot.weight
     return nodes

@@ -5,6 +5,7 @@ import numpy as np
 from lmtr.arrays import Array
 from lmtr.robot.model import FEET
 from lmtr.settings import NonNegative, Settings
+from lmtr.trajectory.nodes import POSITION, VALUE
 from lmtr.vectors.layout import SEGMENT_LAYOUT, Layout
 
 
@@ -42,10 +43,10 @@ def reconstruction_errors(
         for name in ("times", "second_foothold", "forces")
     }
     return ReconstructionErrors(
-        base_position_mm=1e3 * _mean_distance(error["base_nodes"][..., 0, :3]),
+        base_position_mm=1e3 * _mean_distance(error["base_nodes"][..., VALUE, POSITION]),
         times_ms=1e3 * float(np.abs(by_foot["times"]).mean()),
         second_foothold_mm=1e3 * _mean_distance(by_foot["second_foothold"]),
-        forces_weights=float(np.abs(by_foot["forces"][..., 0, :]).mean()) / weight,
+        forces_weights=float(np.abs(by_foot["forces"][..., VALUE, :]).mean()) / weight,
     )
 
 

@@ -11,6 +11,7 @@ from lmtr.arrays import Array, Flags
 from lmtr.errors import DataError
 from lmtr.robot.model import N_FEET
 from lmtr.segmentation.resampling import resampled_base
+from lmtr.trajectory.nodes import POSITION, RATE, RPY
 from lmtr.trajectory.sample import sample_base, sample_feet
 from lmtr.trajectory.trajectory import BASE_STEP, Trajectory
 from lmtr.vectors.layout import SEGMENT_DURATION, SEGMENT_STANCES
@@ -52,8 +53,8 @@ def valid_epochs(trajectory: Trajectory, epochs: Array) -> Flags:
 
 def rest_time(trajectory: Trajectory) -> float:
     """When a solution (no batch axes) comes to rest: feet down and base still from then on (s)."""
-    speed = np.linalg.norm(trajectory.base_nodes[:, 1, :3], axis=-1)
-    rate = np.linalg.norm(trajectory.base_nodes[:, 1, 3:], axis=-1)
+    speed = np.linalg.norm(trajectory.base_nodes[:, RATE, POSITION], axis=-1)
+    rate = np.linalg.norm(trajectory.base_nodes[:, RATE, RPY], axis=-1)
     moving = np.flatnonzero((speed > RESTING_SPEED) | (rate > RESTING_RATE))
     # The base is still moving until the node after the last moving one.
     still = min(int(moving[-1]) + 1, len(speed) - 1) if len(moving) else 0

@@ -8,6 +8,7 @@ from lmtr.arrays import Array, Flags, Indices
 from lmtr.geometry.rotation import angular_velocity_W
 from lmtr.robot.model import N_FEET
 from lmtr.spline import hermite
+from lmtr.trajectory.nodes import POSITION, RATE, RPY, SWING_POSITION, SWING_VELOCITY, VALUE
 from lmtr.trajectory.trajectory import BASE_STEP, FORCE_PIECES, Trajectory
 
 
@@ -58,17 +59,17 @@ def sample_base(trajectory: Trajectory, times: Array) -> BaseSamples:
     u = (local - index)[..., None]
     first = np.take_along_axis(nodes, index[..., None, None], axis=-3)
     last = np.take_along_axis(nodes, index[..., None, None] + 1, axis=-3)
-    ends = (first[..., 0, :], first[..., 1, :], last[..., 0, :], last[..., 1, :])
+    ends = (first[..., VALUE, :], first[..., RATE, :], last[..., VALUE, :], last[..., RATE, :])
     value = hermite.value(u, *ends, BASE_STEP)
     velocity = hermite.first_derivative(u, *ends, BASE_STEP)
     acceleration = hermite.second_derivative(u, *ends, BASE_STEP)
     return BaseSamples(
-        position=value[..., :3],
-        rpy=value[..., 3:],
-        velocity=velocity[..., :3],
-        rpy_rate=velocity[..., 3:],
-        acceleration=acceleration[..., :3],
-        rpy_acceleration=acceleration[..., 3:],
+        position=value[..., POSITION],
+        rpy=value[..., RPY],
+        velocity=velocity[..., POSITION],
+        rpy_rate=velocity[..., RPY],
+        acceleration=acceleration[..., POSITION],
+        rpy_acceleration=acceleration[..., RPY],
     )
 
 
@@ -117,8 +118,10 @@ def _foot_motion(
     liftoff, touchdown = (_pick(trajectory.contact_times, 2 * swing + k) for k in (1, 2))
     half = np.maximum(touchdown - liftoff, 1e-9)[..., None] / 2.0
     u = np.clip((t - liftoff)[..., None] / half, 0.0, 2.0)
-    middle = node[..., :3]
-    middle_velocity = np.concatenate([node[..., 3:], np.zeros_like(node[..., :1])], axis=-1)
+    middle = node[..., SWING_POSITION]
+    middle_velocity = np.concatenate(
+        [node[..., SWING_VELOCITY], np.zeros_like(node[..., :1])], axis=-1
+    )
     rising = u < 1.0
     ends = (
         np.where(rising, here, middle),
@@ -144,10 +147,10 @@ def _force(trajectory: Trajectory, t: Array, stance: Indices, contact: Flags) ->
     last = np.take_along_axis(nodes, piece[..., None, None, None] + 1, axis=-3)[..., 0, :, :]
     force = hermite.value(
         (local - piece)[..., None],
-        first[..., 0, :],
-        first[..., 1, :],
-        last[..., 0, :],
-        last[..., 1, :],
+        first[..., VALUE, :],
+        first[..., RATE, :],
+        last[..., VALUE, :],
+        last[..., RATE, :],
         (duration / FORCE_PIECES)[..., None],
     )
     return np.where(contact[..., None], force, 0.0)

@@ -14,12 +14,17 @@ from lmtr.arrays import Array
 from lmtr.errors import DataError
 from lmtr.geometry.se2 import SE2
 from lmtr.robot.model import N_FEET
+from lmtr.trajectory.nodes import POSITION, RATE, SWING_POSITION, SWING_VELOCITY, VALUE, YAW
 
 BASE_STEP = 0.1
 """Spacing of base nodes (s), Sec. 4.1."""
 
 FORCE_PIECES = 2
-"""Cubic force polynomials per stance; with two of them dim(τ) is the paper's 264."""
+"""Cubic force polynomials per stance; with two of them dim(τ) is the paper's 264.
+
+Two by construction: a stance has one node between its ends, and the expert's force points
+(:mod:`lmtr.expert.stances`) and gating are written for it.
+"""
 
 
 @dataclass(frozen=True)
@@ -108,12 +113,12 @@ class Trajectory:
         """This trajectory, given in ``frame``, seen from outside and delayed by ``delay`` (s)."""
         delay = np.broadcast_to(np.asarray(delay, dtype=float), self.batch_shape)
         base = np.array(self.base_nodes)
-        base[..., 0, :3] = frame.over(1).apply(base[..., 0, :3])
-        base[..., 1, :3] = frame.over(1).rotate(base[..., 1, :3])
-        base[..., 0, 5] += np.asarray(frame.yaw)[..., None]
+        base[..., VALUE, POSITION] = frame.over(1).apply(base[..., VALUE, POSITION])
+        base[..., RATE, POSITION] = frame.over(1).rotate(base[..., RATE, POSITION])
+        base[..., VALUE, YAW] += np.asarray(frame.yaw)[..., None]
         swing = np.array(self.swing_nodes)
-        swing[..., :3] = frame.over(2).apply(swing[..., :3])
-        swing[..., 3:] = frame.over(2).rotate(swing[..., 3:])
+        swing[..., SWING_POSITION] = frame.over(2).apply(swing[..., SWING_POSITION])
+        swing[..., SWING_VELOCITY] = frame.over(2).rotate(swing[..., SWING_VELOCITY])
         return replace(
             self,
             base_start=self.base_start + delay,

@@ -5,6 +5,7 @@ import numpy as np
 from lmtr.arrays import Array
 from lmtr.errors import DataError
 from lmtr.robot.model import FEET
+from lmtr.trajectory.nodes import SWING_POSITION, SWING_VELOCITY
 from lmtr.trajectory.trajectory import FORCE_PIECES, Trajectory
 from lmtr.vectors.layout import SEGMENT_LAYOUT, SEGMENT_NODES, SEGMENT_STANCES
 
@@ -26,8 +27,8 @@ def encode_segment(segment: Trajectory) -> Array:
         parts[f"{foot}_times"] = segment.contact_times[..., index, :]
         parts[f"{foot}_first_foothold"] = segment.footholds[..., index, 0, :]
         parts[f"{foot}_second_foothold"] = segment.footholds[..., index, 1, :]
-        parts[f"{foot}_swing_position"] = segment.swing_nodes[..., index, 0, :3]
-        parts[f"{foot}_swing_velocity"] = segment.swing_nodes[..., index, 0, 3:]
+        parts[f"{foot}_swing_position"] = segment.swing_nodes[..., index, 0, SWING_POSITION]
+        parts[f"{foot}_swing_velocity"] = segment.swing_nodes[..., index, 0, SWING_VELOCITY]
         parts[f"{foot}_forces"] = np.stack(
             [forces[..., 0, :-1, :, :], forces[..., 1, 1:, :, :]], axis=-4
         )
