@@ -18,12 +18,11 @@ from rich.progress import track
 from rich.table import Table
 
 from lmtr.expert.settings import ExpertSettings
-from lmtr.expert.solve import Expert, Solution, Status
-from lmtr.geometry.line import signed_distance
+from lmtr.expert.solve import Expert, Status
+from lmtr.quality.kinematics import closest_footholds
 from lmtr.robot.model import ROBOTS
 from lmtr.streams import Purpose, stream
 from lmtr.task.sampling import TaskDistribution, sample_noise, sample_task
-from lmtr.task.task import Task
 
 Row = dict[str, float]
 
@@ -71,25 +70,18 @@ def solve(expert: Expert, seed: int, index: int) -> Row:
     distribution, rng = TaskDistribution(), stream(seed, Purpose.TASK, index)
     task = sample_task(distribution, expert.robot, rng)
     noise = sample_noise(distribution, expert.settings.scope.n_swings, rng)
-    solution = expert.solve(task, noise)
+    solution, lines = expert.solve(task, noise), task.obstacles_W
     return {
         "index": index,
         "converged": float(solution.status == Status.CONVERGED),
         "cpu_s": solution.solve_cpu_s,
         "iterations": solution.iterations,
         "cost": solution.cost,
-        "closest_foothold_m": closest_foothold(task, solution),
+        "closest_foothold_m": min(closest_footholds(solution.trajectory, lines), default=np.inf),
         "liftoff_swaps": solution.liftoff_swaps,
         "window_active": float(solution.window_active),
         "violation": max(solution.constraint_violation.values()),
     }
-
-
-def closest_foothold(task: Task, solution: Solution) -> float:
-    """Distance (m) of the closest free foothold to any line; infinite without lines."""
-    feet = solution.trajectory.footholds[:, 1:]
-    distances = np.abs(signed_distance(task.obstacles_W[:, None, None], feet))
-    return float(distances.min(initial=np.inf))
 
 
 def table(title: str, rows: Sequence[Row]) -> Table:

@@ -141,13 +141,8 @@ class Assembly:
         for item in self._placed:
             if item.element.rows.numel():
                 values.append(self._map(item.element, "rows", item.element.rows))
-                targets.append(item.rows.reshape(-1))
-        target = np.concatenate(targets)
-        scatter = sp.csc_matrix(
-            (np.ones(len(target)), (target, np.arange(len(target)))),
-            shape=(self._n_rows, len(target)),
-        )
-        return to_casadi(scatter) @ ca.vertcat(*values)
+                targets.append(item.rows)
+        return to_casadi(_summation(targets, self._n_rows)) @ ca.vertcat(*values)
 
     def _gradient(self) -> ca.MX:
         values, targets = [], []
@@ -156,33 +151,25 @@ class Assembly:
             if element.cost_name:
                 slope = ca.jacobian(element.cost, element.symbols.quantities).T
                 values.append(self._map(element, "slope", slope))
-                targets.append(element.instances.quantities.reshape(-1))
-        target = np.concatenate(targets)
-        scatter = sp.csc_matrix(
-            (np.ones(len(target)), (target, np.arange(len(target)))),
-            shape=(self._linear.of_variables.shape[0], len(target)),
-        )
-        return to_casadi(self._linear.of_variables.T @ scatter) @ ca.vertcat(*values)
+                targets.append(element.instances.quantities)
+        linear = self._linear.of_variables
+        return to_casadi(linear.T @ _summation(targets, linear.shape[0])) @ ca.vertcat(*values)
 
     def _jacobian(self) -> ca.MX:
-        values, rows, columns = [], [], []
+        values, scatters = [], []
         for item in self._placed:
             element = item.element
             if not element.rows.numel():
                 continue
             jacobian = ca.jacobian(element.rows, element.symbols.quantities)
-            row, column = (
-                np.array(part, dtype=np.intp) for part in jacobian.sparsity().get_triplet()
-            )
             values.append(self._map(element, "jacobian", _nonzeros(jacobian)))
-            rows.append(item.rows[:, row].reshape(-1))
-            columns.append(element.instances.quantities[:, column].reshape(-1))
-        scatter = Scatter(np.concatenate(rows), np.concatenate(columns))
+            scatters.append(_scatter(jacobian, item.rows, element.instances.quantities))
+        scatter = Scatter.end_to_end(scatters)
         expanded = scatter.through_columns(self._linear.of_variables)
         return expanded.matrix((self._n_rows, self._x.numel()), ca.vertcat(*values))
 
     def _hessian(self, lam_f: ca.MX, lam_g: ca.MX) -> ca.MX:
-        values, rows, columns = [], [], []
+        values, scatters = [], []
         for item in self._placed:
             element = item.element
             hessian, multipliers = _curvature(element)
@@ -193,15 +180,11 @@ class Assembly:
             extra = [(multipliers[0], ca.repmat(lam_f, 1, count))]
             if element.rows.numel():
                 extra.append((multipliers[1], _gather(lam_g, item.rows)))
-            row, column = (
-                np.array(part, dtype=np.intp) for part in hessian.sparsity().get_triplet()
-            )
             values.append(self._map(element, "hessian", _nonzeros(hessian), *extra))
-            rows.append(element.instances.quantities[:, row].reshape(-1))
-            columns.append(element.instances.quantities[:, column].reshape(-1))
-        every = Scatter(np.concatenate(rows), np.concatenate(columns))
+            quantities = element.instances.quantities
+            scatters.append(_scatter(hessian, quantities, quantities))
         # The four feet share the base's quantities: add them up before the chain rule.
-        scatter, summed = every.summed(ca.vertcat(*values))
+        scatter, summed = Scatter.end_to_end(scatters).summed(ca.vertcat(*values))
         expanded = scatter.as_symmetric().congruent(self._linear.of_variables)
         size = self._x.numel()
         return expanded.matrix((size, size), summed)
@@ -216,9 +199,24 @@ def _curvature(element: Element) -> tuple[ca.SX, tuple[ca.SX, ca.SX]]:
         cost = ca.hessian(element.cost, q)[0]
     rows = ca.hessian(ca.dot(lam, element.rows), q)[0] if lam.numel() else ca.SX(*q.shape[:1] * 2)
     kept = np.ones(q.numel())
-    kept[list(element.without_curvature)] = 0.0
+    of_quantities, _, _ = element.instances.names
+    for name in element.without_curvature:
+        kept[of_quantities[name]] = 0.0
     rows = ca.sparsify(rows * ca.DM(np.outer(kept, kept)))
     return lam_f * cost + rows, (lam_f, lam)
+
+
+def _summation(targets: list[Indices], size: int) -> sp.csc_matrix:
+    """Matrix (size, n) that adds values, laid end to end, up at their targets."""
+    target = np.concatenate([part.reshape(-1) for part in targets])
+    entries = (np.ones(len(target)), (target, np.arange(len(target))))
+    return sp.csc_matrix(entries, shape=(size, len(target)))
+
+
+def _scatter(derivative: ca.SX, rows: Indices, columns: Indices) -> Scatter:
+    """Where the nonzeros of all instances go, given their rows (K, r) and columns (K, n)."""
+    row, column = (np.array(part, dtype=np.intp) for part in derivative.sparsity().get_triplet())
+    return Scatter(rows[:, row].reshape(-1), columns[:, column].reshape(-1))
 
 
 def _nonzeros(matrix: ca.SX) -> ca.SX:

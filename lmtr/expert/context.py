@@ -1,13 +1,12 @@
-"""What every constraint and cost is built from: robot, settings, timing windows and layouts."""
+"""What every constraint and cost is built from: robot, settings, timing windows and blocks."""
 
 from dataclasses import dataclass
 
-from lmtr.expert.layout import Layout
-from lmtr.expert.quantities import parameter_layout, quantity_layout
+from lmtr.expert.blocks import Blocks
+from lmtr.expert.quantities import parameter_blocks, quantity_blocks
 from lmtr.expert.settings import ExpertSettings
 from lmtr.expert.timing import Windows, windows
 from lmtr.robot.model import RobotModel
-from lmtr.trajectory.trajectory import BASE_STEP
 
 
 @dataclass(frozen=True)
@@ -18,15 +17,15 @@ class Context:
         robot: The robot.
         settings: Scope, limits, weights.
         windows: Where contact changes may lie.
-        quantities: Layout of the quantities q that elements are written in.
-        parameters: Layout of the parameters p.
+        quantities: Blocks of the quantities q that elements are written in.
+        parameters: Blocks of the parameters p.
     """
 
     robot: RobotModel
     settings: ExpertSettings
     windows: Windows
-    quantities: Layout
-    parameters: Layout
+    quantities: Blocks
+    parameters: Blocks
 
     @classmethod
     def of(cls, robot: RobotModel, settings: ExpertSettings) -> "Context":
@@ -35,11 +34,6 @@ class Context:
             robot,
             settings,
             windows(settings),
-            quantity_layout(settings),
-            parameter_layout(settings),
+            quantity_blocks(settings),
+            parameter_blocks(settings),
         )
-
-    @property
-    def samples_per_knot(self) -> int:
-        """Samples of the range of motion from one base node to the next."""
-        return round(BASE_STEP / self.settings.range_of_motion_step)

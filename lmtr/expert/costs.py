@@ -12,15 +12,15 @@ from numpy.polynomial import Polynomial
 from lmtr.arrays import Array, Indices
 from lmtr.expert.context import Context
 from lmtr.expert.element import Element, Instances, instances, symbols
-from lmtr.expert.quantities import MAX_OBSTACLES
-from lmtr.expert.variables import stance_points
+from lmtr.expert.stances import StanceKind, stance_points
 from lmtr.robot.model import N_FEET
+from lmtr.task.task import MAX_OBSTACLES
 from lmtr.trajectory.trajectory import BASE_STEP
 
 
 def costs(context: Context) -> list[Element]:
     """All costs but that on foot offsets, and the damping of the Hessian."""
-    quantities, nodes = context.quantities, slice(None, None, context.samples_per_knot)
+    quantities, nodes = context.quantities, slice(None, None, context.settings.samples_per_knot)
     position, rpy = quantities["position"][nodes], quantities["rpy"][nodes]
     points = quantities["forces"].reshape(-1, 3)
 
@@ -43,43 +43,38 @@ def costs(context: Context) -> list[Element]:
 
 
 def _weighted(chosen: Indices, weight: Indices) -> Instances:
-    return instances([chosen], [np.broadcast_to(weight, (len(chosen), 1))])
+    return instances({"chosen": chosen}, {"weight": np.broadcast_to(weight, len(chosen))})
 
 
 def _squares(name: str, chosen: Indices, weight: Indices, unit: float, target: float) -> Element:
     """Weight · unit · Σ (quantity − target)²."""
     where = _weighted(chosen, weight)
     inputs = symbols(where)
-    cost = inputs.parameters * unit * ca.sumsqr(inputs.quantities - target)
+    cost = inputs["weight"] * unit * ca.sumsqr(inputs["chosen"] - target)
     return Element(name, inputs, where, cost=cost, cost_name=name)
 
 
 def _force_roughness(context: Context) -> list[Element]:
     """Mean squared slope and curvature of each stance's cubics over their unit times."""
-    points, last = context.quantities["forces"], context.settings.scope.n_swings
-    kinds = {"first": [0], "middle": list(range(1, last)), "last": [last]}
+    points, n_stances = context.quantities["forces"], context.settings.scope.n_stances
+    chosen: dict[StanceKind, list[Indices]] = {}
+    for stance in range(n_stances):
+        free = points[:, stance_points(stance, n_stances)].reshape(N_FEET, -1)
+        chosen.setdefault(StanceKind.of(stance, n_stances), []).append(free)
     elements = []
-    for kind, stances in kinds.items():
-        chosen = [
-            points[slot, stance_points(stance, last + 1)].reshape(-1)
-            for slot in range(N_FEET)
-            for stance in stances
-        ]
+    for kind, stances in chosen.items():
         for name, order in (("force_slope", 1), ("force_curvature", 2)):
-            if chosen:  # with a single swing no stance lies between two
-                where = _weighted(np.stack(chosen), context.parameters[name])
-                inputs = symbols(where)
-                cost = inputs.parameters * _roughness(inputs.quantities, kind, order)
-                elements.append(Element(f"{name}_{kind}", inputs, where, cost=cost, cost_name=name))
+            where = _weighted(np.concatenate(stances), context.parameters[name])
+            inputs = symbols(where)
+            cost = inputs["weight"] * _roughness(inputs["chosen"], kind, order)
+            label = f"{name}_{kind.name.lower()}"
+            elements.append(Element(label, inputs, where, cost=cost, cost_name=name))
     return elements
 
 
-def _roughness(points: ca.SX, kind: str, order: int) -> ca.SX:
+def _roughness(free: ca.SX, kind: StanceKind, order: int) -> ca.SX:
     """∫₀¹ |dⁿf/duⁿ|² du of the two cubics of a stance, summed."""
-    free = ca.vertsplit(points, 3)
-    before_free = [] if kind == "first" else [ca.SX.zeros(3)] * 2
-    after_free = [] if kind == "last" else [ca.SX.zeros(3)] * 2
-    p0, p1, before, after, p5, p6 = [*before_free, *free, *after_free]
+    p0, p1, before, after, p5, p6 = kind.all_points(ca.vertsplit(free, 3), ca.SX.zeros(3))
     middle = 0.5 * (before + after)
     gram = _bezier_gram(order)
     total = ca.SX(0.0)
@@ -104,13 +99,21 @@ def _obstacles(context: Context) -> Element:
     of the potential, where the true one would send the step towards the line.
     """
     feet = context.quantities["footholds"][:, 1:].reshape(-1, 2)
-    lines = context.parameters["lines"]
-    where = instances([np.repeat(feet, MAX_OBSTACLES, axis=0)], [np.tile(lines, (len(feet), 1))])
+    parameters = context.parameters
+    lines = {
+        "normal": parameters["line_normals"],
+        "offset": parameters["line_offsets"],
+        "weight": parameters["line_weights"],
+    }
+    where = instances(
+        {"foot": np.repeat(feet, MAX_OBSTACLES, axis=0)},
+        {name: np.concatenate([part] * len(feet)) for name, part in lines.items()},
+    )
     inputs = symbols(where)
-    normal, offset, weight = ca.vertsplit(inputs.parameters, [0, 2, 3, 4])
+    normal = inputs["normal"]
     variance = context.settings.obstacle_sigma**2
-    distance = ca.dot(normal, inputs.quantities) - offset
-    potential = weight * ca.exp(-(distance**2) / (2.0 * variance))
+    distance = ca.dot(normal, inputs["foot"]) - inputs["offset"]
+    potential = inputs["weight"] * ca.exp(-(distance**2) / (2.0 * variance))
     curvature = potential * ca.fabs(distance**2 / variance - 1.0) / variance
     return Element(
         "obstacles",
@@ -126,5 +129,5 @@ def _proximal(name: str, chosen: Indices, context: Context) -> Element:
     """No cost, but the Hessian of ½ρ·Δ² around every iterate."""
     where = _weighted(chosen, context.parameters["proximal"])
     inputs = symbols(where)
-    damping = inputs.parameters * ca.SX.eye(chosen.shape[1])
+    damping = inputs["weight"] * ca.SX.eye(chosen.shape[1])
     return Element(name, inputs, where, cost_hessian=damping)

@@ -11,10 +11,11 @@ obstacles and set of weights; only robot, scope, limits and σ are built in.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lmtr.errors import TaskError
+from lmtr.arrays import Array, Indices
+from lmtr.errors import ConfigurationError, TaskError
 from lmtr.expert.assembly import Assembled, Assembly, Placed
+from lmtr.expert.blocks import Blocks
 from lmtr.expert.constraints.dynamics import dynamics
 from lmtr.expert.constraints.friction import friction
 from lmtr.expert.constraints.range_of_motion import range_of_motion
@@ -23,15 +24,13 @@ from lmtr.expert.context import Context
 from lmtr.expert.costs import costs
 from lmtr.expert.element import ConstraintGroup
 from lmtr.expert.initial_guess import InitialGuess
-from lmtr.expert.layout import Index, Layout
-from lmtr.expert.quantities import MAX_OBSTACLES, linear_map
+from lmtr.expert.quantities import linear_map
 from lmtr.expert.settings import ExpertSettings
 from lmtr.expert.timing import Windows
-from lmtr.expert.variables import variable_layout
+from lmtr.expert.variables import variable_blocks
 from lmtr.robot.model import RobotModel
-from lmtr.task.task import Task
-
-Array = NDArray[np.float64]
+from lmtr.task.task import MAX_OBSTACLES, Task
+from lmtr.trajectory.nodes import GROUND_POSITION, HEIGHT, TILT, VALUE
 
 
 @dataclass(frozen=True)
@@ -39,18 +38,18 @@ class Formulation:
     """The problem of one robot and settings, ready to be compiled or solved.
 
     Attributes:
-        variables: Layout of x.
-        parameters: Layout of p.
-        rows: Layout of the constraint rows, one block per group.
+        variables: Blocks of x.
+        parameters: Blocks of p.
+        rows: Blocks of the constraint rows, one block per group.
         lower, upper: Bounds of x.
         rows_lower, rows_upper: Bounds of the rows.
         windows: Earliest and latest contact changes, by slot.
         functions: Its functions and their derivatives.
     """
 
-    variables: Layout
-    parameters: Layout
-    rows: Layout
+    variables: Blocks
+    parameters: Blocks
+    rows: Blocks
     lower: Array
     upper: Array
     rows_lower: Array
@@ -60,13 +59,23 @@ class Formulation:
 
 
 def formulate(robot: RobotModel, settings: ExpertSettings) -> Formulation:
-    """Build the problem."""
+    """Build the problem.
+
+    Raises:
+        ConfigurationError: The settings ask the robot's base below the ground.
+    """
+    if settings.limits.height >= robot.nominal_height:
+        raise ConfigurationError(
+            f"expert: limits.height must be less than the nominal height {robot.nominal_height} m "
+            f"of robot {robot.name!r}, got {settings.limits.height} m, which lets its base sink "
+            "into the ground; lower it"
+        )
     context = Context.of(robot, settings)
     groups = [dynamics(context), range_of_motion(context), timing(context), friction(context)]
-    rows = Layout({group.name: group.lower.shape for group in groups})
+    rows = Blocks({group.name: group.lower.shape for group in groups})
     placed = [*_placed(groups, rows), *(Placed(element, 0) for element in costs(context))]
     assembly = Assembly(placed, linear_map(settings), rows.size, context.parameters.size)
-    variables = variable_layout(settings.scope)
+    variables = variable_blocks(settings.scope)
     lower, upper = _bounds(context, variables)
     return Formulation(
         variables=variables,
@@ -81,24 +90,24 @@ def formulate(robot: RobotModel, settings: ExpertSettings) -> Formulation:
     )
 
 
-def _placed(groups: list[ConstraintGroup], rows: Layout) -> list[Placed]:
+def _placed(groups: list[ConstraintGroup], rows: Blocks) -> list[Placed]:
     return [
         Placed(element, int(rows[group.name][0])) for group in groups for element in group.elements
     ]
 
 
-def _bounds(context: Context, variables: Layout) -> tuple[Array, Array]:
+def _bounds(context: Context, variables: Blocks) -> tuple[Array, Array]:
     """Simple bounds; those on control points bound the whole splines (convex hull)."""
     settings, nominal_height = context.settings, context.robot.nominal_height
     limits, clearance = settings.limits, settings.scope.clearance
     lower, upper = np.full(variables.size, -np.inf), np.full(variables.size, np.inf)
 
-    def bound(index: Index, low: Array | float, high: Array | float) -> None:
+    def bound(index: Indices, low: Array | float, high: Array | float) -> None:
         lower[index], upper[index] = low, high
 
     control = variables["control"]
-    bound(control[:, 2], nominal_height - limits.height, nominal_height + limits.height)
-    bound(control[:, 3:5], -limits.tilt, limits.tilt)
+    bound(control[:, HEIGHT], nominal_height - limits.height, nominal_height + limits.height)
+    bound(control[:, TILT], -limits.tilt, limits.tilt)
     bound(variables["times"], context.windows.earliest[:, 1:-1], context.windows.latest[:, 1:-1])
     bound(variables["forces"][..., 2], 0.0, limits.force)
     low, high = limits.swing_height
@@ -111,7 +120,7 @@ def parameter_values(
     guess: InitialGuess,
     robot: RobotModel,
     settings: ExpertSettings,
-    parameters: Layout,
+    parameters: Blocks,
 ) -> Array:
     """The parameter vector of one task, with feet in the order of its guess.
 
@@ -124,17 +133,21 @@ def parameter_values(
             f"{MAX_OBSTACLES}; leave out those furthest from the path"
         )
     order = list(guess.order)
-    lines = np.zeros((MAX_OBSTACLES, 4))
-    for line, (x, y, alpha) in zip(lines, task.obstacles_W, strict=False):
-        normal = np.array([-np.sin(alpha), np.cos(alpha)])
-        line[:] = *normal, normal @ np.array([x, y]), settings.obstacle_weight
+    used = len(task.obstacles_W)
+    alpha = task.obstacles_W[:, 2]
+    normals, offsets, weights = np.zeros((MAX_OBSTACLES, 2)), *np.zeros((2, MAX_OBSTACLES))
+    normals[:used] = np.stack([-np.sin(alpha), np.cos(alpha)], axis=-1)
+    offsets[:used] = (normals[:used] * task.obstacles_W[:, :2]).sum(axis=-1)
+    weights[:used] = settings.obstacle_weight
     blocks: dict[str, Array | float] = {
         "start": guess.control_points[0],
         "goal": guess.control_points[-1],
         "start_feet": task.start_feet_W[order],
         "nominal_feet": robot.nominal_feet_B[order, :2],
-        "reference": guess.trajectory.base_nodes[:, 0, :2],
-        "lines": lines,
+        "reference": guess.trajectory.base_nodes[:, VALUE, GROUND_POSITION],
+        "line_normals": normals,
+        "line_offsets": offsets,
+        "line_weights": weights,
         "proximal": settings.solver.proximal,
         **settings.costs.model_dump(),
     }

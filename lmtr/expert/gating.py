@@ -11,6 +11,7 @@ from typing import Any
 import casadi as ca
 
 from lmtr.spline import hermite
+from lmtr.trajectory.trajectory import FORCE_PIECES
 
 
 def clipped(u: Any) -> Any:  # noqa: ANN401 - a float or a CasADi expression
@@ -28,7 +29,7 @@ def stance_force(time: Any, begin: Any, end: Any, points: list[Any]) -> Any:  # 
         points: The six Bézier points of the two cubics but for their shared one, which is the
             mean of its neighbours (the force is C¹): three of the first, three of the second.
     """
-    s = 2.0 * (time - begin) / (end - begin)
+    s = FORCE_PIECES * (time - begin) / (end - begin)
     p0, p1, before, after, p5, p6 = points
     middle, slope = 0.5 * (before + after), 1.5 * (after - before)
     rise = hermite.value(clipped(s), p0, 3.0 * (p1 - p0), middle, slope, 1.0)

@@ -9,73 +9,72 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array, Indices
+from lmtr.expert.blocks import Blocks
 from lmtr.expert.initial_guess import SWING_SPEED
-from lmtr.expert.layout import Index, Layout
 from lmtr.expert.settings import ExpertSettings
-from lmtr.expert.variables import END_POINTS, variable_layout
+from lmtr.expert.variables import END_POINTS, variable_blocks
 from lmtr.robot.model import N_FEET
 from lmtr.spline.bspline import knot_acceleration, knot_velocity, value_weights
+from lmtr.task.task import MAX_OBSTACLES
 from lmtr.trajectory.trajectory import BASE_STEP
 
-Array = NDArray[np.float64]
-
-MAX_OBSTACLES = 4
-"""Lines that one problem has room for; those not used have weight zero."""
+SAME_AS_VARIABLES = ("times", "swing_offset", "swing_drift", "forces")
+"""Quantities that are variables themselves."""
 
 
-def parameter_layout(settings: ExpertSettings) -> Layout:
+def parameter_blocks(settings: ExpertSettings) -> Blocks:
     """Blocks of the parameter vector: whatever may change without building the problem anew.
 
     start, goal: Base position (m) and roll, pitch, yaw (rad) at rest.
     start_feet, nominal_feet: x, y of the first footholds in the world and of the neutral ones in
         the base frame (m), by slot.
     reference: x, y of the points that moments are taken about, one per base node (m).
-    lines: Unit normal and offset n·p of each obstacle, and its weight.
+    line_normals, line_offsets, line_weights: Unit normal n, offset n·p (m) and height of the
+        potential of each obstacle; a problem has room for ``MAX_OBSTACLES`` lines, and those not
+        used have weight zero.
     Weights of the costs, and the proximal damping ρ.
     """
-    return Layout(
+    return Blocks(
         {
             "start": (6,),
             "goal": (6,),
             "start_feet": (N_FEET, 2),
             "nominal_feet": (N_FEET, 2),
             "reference": (settings.scope.n_nodes, 2),
-            "lines": (MAX_OBSTACLES, 4),
+            "line_normals": (MAX_OBSTACLES, 2),
+            "line_offsets": (MAX_OBSTACLES,),
+            "line_weights": (MAX_OBSTACLES,),
             "proximal": (),
             **dict.fromkeys(type(settings.costs).model_fields, ()),
         }
     )
 
 
-def quantity_layout(settings: ExpertSettings) -> Layout:
+def quantity_blocks(settings: ExpertSettings) -> Blocks:
     """Blocks of the quantity vector.
 
     position, rpy: Base (m, rad) every ``range_of_motion_step``, from 0 to T̄.
     rpy_rate, acceleration, rpy_acceleration: At the base nodes, in 1/s and 1/s².
-    times, forces: The variables of that name.
     footholds: x, y of every stance (m), by slot.
     middle: Position of the middle of each swing (m), by slot.
     middle_slope: Its horizontal velocity times half the swing's duration (m), by slot.
-    swing_offset, swing_drift: The variables of that name.
+    Besides, the variables ``SAME_AS_VARIABLES``.
     """
-    scope = settings.scope
-    samples = round(scope.duration / settings.range_of_motion_step) + 1
-    return Layout(
+    scope, variables = settings.scope, variable_blocks(settings.scope)
+    samples = (scope.n_nodes - 1) * settings.samples_per_knot + 1
+    return Blocks(
         {
             "position": (samples, 3),
             "rpy": (samples, 3),
             "rpy_rate": (scope.n_nodes, 3),
             "acceleration": (scope.n_nodes, 3),
             "rpy_acceleration": (scope.n_nodes, 3),
-            "times": (N_FEET, 2 * scope.n_swings),
             "footholds": (N_FEET, scope.n_stances, 2),
             "middle": (N_FEET, scope.n_swings, 3),
             "middle_slope": (N_FEET, scope.n_swings, 2),
-            "swing_offset": (N_FEET, scope.n_swings, 3),
-            "swing_drift": (N_FEET, scope.n_swings, 2),
-            "forces": (N_FEET, 2 * scope.n_stances + 4, 3),
+            **variables.shapes(*SAME_AS_VARIABLES),
         }
     )
 
@@ -93,11 +92,11 @@ class _Rows:
     """Collects the rows of q = C·v + c."""
 
     def __init__(self, n_rows: int, n_columns: int) -> None:
-        self._entries: list[tuple[Index, Index, Array]] = []
+        self._entries: list[tuple[Indices, Indices, Array]] = []
         self.shape = (n_rows, n_columns)
         self.constant = np.zeros(n_rows)
 
-    def add(self, rows: Index, columns: Index, weight: float) -> None:
+    def add(self, rows: Indices, columns: Indices, weight: float) -> None:
         """Add ``weight``·v[columns] to q[rows], elementwise."""
         columns = np.broadcast_to(columns, rows.shape)
         self._entries.append(
@@ -114,24 +113,24 @@ class _Rows:
 
 def linear_map(settings: ExpertSettings) -> LinearMap:
     """The constant map from variables and parameters to quantities."""
-    x, p = variable_layout(settings.scope), parameter_layout(settings)
-    quantities = quantity_layout(settings)
+    x, p = variable_blocks(settings.scope), parameter_blocks(settings)
+    quantities = quantity_blocks(settings)
     rows = _Rows(quantities.size, x.size + p.size)
     _add_base(rows, quantities, x, p, settings)
     _add_swings(rows, quantities, x, p, settings)
-    for name in ("times", "swing_offset", "swing_drift", "forces"):
+    for name in SAME_AS_VARIABLES:
         rows.add(quantities[name], x[name], 1.0)
     matrix = rows.matrix()
     return LinearMap(matrix[:, : x.size].tocsr(), matrix[:, x.size :].tocsr(), rows.constant)
 
 
 def _add_base(
-    rows: _Rows, quantities: Layout, x: Layout, p: Layout, settings: ExpertSettings
+    rows: _Rows, quantities: Blocks, x: Blocks, p: Blocks, settings: ExpertSettings
 ) -> None:
     start, goal = (np.tile(p[name] + x.size, (END_POINTS, 1)) for name in ("start", "goal"))
     control = np.concatenate([start, x["control"], goal])  # columns of all control points
     count = quantities["position"].shape[0]
-    per_knot = round(BASE_STEP / settings.range_of_motion_step)
+    per_knot = settings.samples_per_knot
     knot, part = np.divmod(np.arange(count), per_knot)
     values = np.concatenate([quantities["position"], quantities["rpy"]], axis=1)
     for remainder in range(per_knot):
@@ -151,7 +150,7 @@ def _add_base(
 
 
 def _add_swings(
-    rows: _Rows, quantities: Layout, x: Layout, p: Layout, settings: ExpertSettings
+    rows: _Rows, quantities: Blocks, x: Blocks, p: Blocks, settings: ExpertSettings
 ) -> None:
     feet = np.concatenate([p["start_feet"][:, None] + x.size, x["footholds"]], axis=1)
     rows.add(quantities["footholds"], feet, 1.0)

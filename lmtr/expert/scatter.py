@@ -24,6 +24,14 @@ class Scatter:
         self.source = np.arange(len(rows)) if source is None else source
         self.factor = np.ones(len(rows)) if factor is None else factor
 
+    @classmethod
+    def end_to_end(cls, parts: "list[Scatter]") -> "Scatter":
+        """One scatter of the values of several plain ones, laid end to end."""
+        return cls(
+            np.concatenate([part.rows for part in parts]),
+            np.concatenate([part.columns for part in parts]),
+        )
+
     def through_columns(self, linear: sp.csr_matrix) -> "Scatter":
         """M ↦ M·C."""
         count = np.diff(linear.indptr)[self.columns]

@@ -4,11 +4,18 @@ from typing import Annotated
 
 from pydantic import model_validator
 
+from lmtr.robot.model import N_FEET
 from lmtr.settings import Count, NonNegative, Positive, Settings, ascending
 from lmtr.trajectory.trajectory import BASE_STEP
 
 Bounds = Annotated[tuple[Positive, Positive], ascending(strictly=True)]
 """Lower and upper bound; an interior point needs room between them."""
+
+SLACK = 1e-9
+"""What rounding may add to sums and ratios of settings."""
+
+LEAST_DURATION = 0.4
+"""Shortest duration (s) whose base spline has a point of its own between its two static ends."""
 
 
 class Scope(Settings):
@@ -27,6 +34,23 @@ class Scope(Settings):
     swing_share: Positive = 0.28
     first_liftoff: Positive = 0.2
     clearance: Positive = 0.08
+
+    @model_validator(mode="after")
+    def _nominal_walk_exists(self) -> "Scope":
+        knots = self.duration / BASE_STEP
+        if self.duration < LEAST_DURATION - SLACK or abs(knots - round(knots)) > 1e-6:
+            raise ValueError(
+                f"duration must be a multiple of {BASE_STEP} s from {LEAST_DURATION} s up, got "
+                f"{self.duration}"
+            )
+        if self.nominal_cycle <= self.nominal_swing:
+            raise ValueError(
+                f"duration {self.duration} s leaves a cycle of {self.nominal_cycle:.3g} s for a "
+                f"swing of {self.nominal_swing:.3g} s and a stance, with first_liftoff "
+                f"{self.first_liftoff} s and swing_share {self.swing_share}; lower these two or "
+                "raise the duration"
+            )
+        return self
 
     @property
     def n_nodes(self) -> int:
@@ -105,6 +129,15 @@ class Limits(Settings):
     tilt: Positive = 0.6
     swing_height: Bounds = (0.04, 0.16)
 
+    @model_validator(mode="after")
+    def _feet_carry_the_robot(self) -> "Limits":
+        if self.force * N_FEET <= 1.0:
+            raise ValueError(
+                f"force must exceed 1/{N_FEET} of the weight for {N_FEET} feet to carry the "
+                f"robot, got {self.force}; raise it"
+            )
+        return self
+
 
 class SolverSettings(Settings):
     """Settings of the interior-point method.
@@ -150,16 +183,55 @@ class ExpertSettings(Settings):
     range_of_motion_step: Positive = 0.05
     solver: SolverSettings = SolverSettings()
 
+    @property
+    def samples_per_knot(self) -> int:
+        """Samples of the range of motion from one base node to the next."""
+        return round(BASE_STEP / self.range_of_motion_step)
+
     @model_validator(mode="after")
     def _samples_divide_knots(self) -> "ExpertSettings":
         ratio = BASE_STEP / self.range_of_motion_step
-        if ratio < 1.0 - 1e-9 or abs(ratio - round(ratio)) > 1e-9:
+        if ratio < 1.0 - SLACK or abs(ratio - round(ratio)) > SLACK:
             raise ValueError(
                 f"range_of_motion_step must divide the base's knot spacing {BASE_STEP} s, got "
                 f"{self.range_of_motion_step}; use 0.1, 0.05 or 0.025"
             )
-        if abs(self.scope.duration / BASE_STEP - round(self.scope.duration / BASE_STEP)) > 1e-6:
+        return self
+
+    @model_validator(mode="after")
+    def _phases_fit(self) -> "ExpertSettings":
+        """The shortest phases of a leg fit into the duration."""
+        scope, limits = self.scope, self.limits
+        needed = scope.n_swings * limits.swing[0] + scope.n_stances * limits.stance[0]
+        if needed > scope.duration + SLACK:
             raise ValueError(
-                f"scope.duration must be a multiple of {BASE_STEP} s, got {self.scope.duration}"
+                f"scope.duration must hold {scope.n_swings} swings of at least {limits.swing[0]} s "
+                f"and {scope.n_stances} stances of at least {limits.stance[0]} s, {needed:.2f} s "
+                f"in all, got {scope.duration}; raise it, or lower scope.n_swings, limits.swing "
+                "or limits.stance"
             )
         return self
+
+    @model_validator(mode="after")
+    def _nominal_walk_is_within_limits(self) -> "ExpertSettings":
+        """The nominal walk, around which timing windows are laid, keeps the limits itself."""
+        scope, limits = self.scope, self.limits
+        _require_between(
+            "the nominal swing", scope.nominal_swing, limits.swing, "scope.swing_share"
+        )
+        if scope.n_swings > 1:  # otherwise no stance lies between two swings
+            stance = scope.nominal_cycle - scope.nominal_swing
+            remedy = "scope.n_swings or scope.duration"
+            _require_between("the nominal stance", stance, limits.stance, remedy)
+        first = (limits.stance[0], scope.duration)
+        _require_between("scope.first_liftoff", scope.first_liftoff, first, "it or limits.stance")
+        _require_between("scope.clearance", scope.clearance, limits.swing_height, "it")
+        return self
+
+
+def _require_between(what: str, value: float, bounds: tuple[float, float], remedy: str) -> None:
+    low, high = bounds
+    if not low - SLACK <= value <= high + SLACK:
+        raise ValueError(
+            f"{what} must lie between {low} and {high}, got {value:.3g}; change {remedy}"
+        )

@@ -16,8 +16,9 @@ from lmtr.expert.compilation import compiled
 from lmtr.expert.formulation import formulate, parameter_values
 from lmtr.expert.initial_guess import InitialGuess, initial_guess
 from lmtr.expert.settings import ExpertSettings
-from lmtr.expert.solver import InteriorPoint, Outcome, Status
+from lmtr.expert.solver import InteriorPoint, Outcome
 from lmtr.expert.variables import pack, unpack
+from lmtr.quality.status import Status
 from lmtr.robot.model import N_FEET, RobotModel
 from lmtr.task.sampling import Noise
 from lmtr.task.task import Task

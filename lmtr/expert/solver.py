@@ -5,7 +5,6 @@ CasADi brings IPOPT, MUMPS and an OpenBLAS of its own.
 
 import time
 from dataclasses import dataclass
-from enum import StrEnum
 
 import casadi as ca
 import numpy as np
@@ -14,17 +13,7 @@ import threadpoolctl
 from lmtr.arrays import Array
 from lmtr.expert.formulation import Formulation
 from lmtr.expert.settings import SolverSettings
-
-
-class Status(StrEnum):
-    """Outcome of a solve."""
-
-    CONVERGED = "converged"
-    ITERATION_LIMIT = "iteration_limit"
-    INFEASIBLE = "infeasible"
-    DIVERGED = "diverged"
-    ERROR = "error"
-
+from lmtr.quality.status import Status
 
 _STATUS = {
     "Solve_Succeeded": Status.CONVERGED,

@@ -13,16 +13,16 @@ every first foot. Quantities are chosen so that constraints become linear where 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lmtr.arrays import Array
+from lmtr.expert.blocks import Blocks
 from lmtr.expert.initial_guess import SWING_SPEED, InitialGuess
-from lmtr.expert.layout import Layout
 from lmtr.expert.settings import Scope
+from lmtr.expert.stances import END_FORCE_POINTS, MIDDLE_FORCE_POINTS, n_force_points
 from lmtr.robot.model import N_FEET, RobotModel
 from lmtr.spline.bspline import hermite_nodes
+from lmtr.trajectory.nodes import SWING_POSITION, SWING_VELOCITY
 from lmtr.trajectory.trajectory import BASE_STEP, FORCE_PIECES, Trajectory
-
-Array = NDArray[np.float64]
 
 END_POINTS = 3
 """Equal control points at either end of the base spline: a knot at rest."""
@@ -30,7 +30,7 @@ END_POINTS = 3
 BEZIER_DEGREE = 3
 
 
-def variable_layout(scope: Scope) -> Layout:
+def variable_blocks(scope: Scope) -> Blocks:
     """Blocks of the decision vector.
 
     control: B-spline points x, y, z (m), roll, pitch, yaw (rad) between the fixed ends.
@@ -41,29 +41,18 @@ def variable_layout(scope: Scope) -> Layout:
     swing_drift: Mid-swing velocity times the swing's duration, beyond that of a straight step
         (m), by slot.
     forces: Bézier control points of the stance forces (weights), by slot, see
-        :func:`stance_points`.
+        :mod:`lmtr.expert.stances`.
     """
-    return Layout(
+    return Blocks(
         {
             "control": (scope.n_nodes + 2 - 2 * END_POINTS, 6),
             "times": (N_FEET, 2 * scope.n_swings),
             "footholds": (N_FEET, scope.n_swings, 2),
             "swing_offset": (N_FEET, scope.n_swings, 3),
             "swing_drift": (N_FEET, scope.n_swings, 2),
-            "forces": (N_FEET, 2 * scope.n_stances + 4, 3),
+            "forces": (N_FEET, n_force_points(scope.n_stances), 3),
         }
     )
-
-
-def stance_points(stance: int, n_stances: int) -> slice:
-    """Free Bézier points of one stance's force within a slot's row of them.
-
-    A stance between two swings has two, just before and just after its middle node; the first
-    stance also has its first node and the point after it, the last stance its mirror image.
-    """
-    begin = 2 * stance + (2 if stance > 0 else 0)
-    ends = (2 if stance == 0 else 0) + (2 if stance == n_stances - 1 else 0)
-    return slice(begin, begin + 2 + ends)
 
 
 def pack(guess: InitialGuess, robot: RobotModel, scope: Scope) -> Array:
@@ -74,13 +63,13 @@ def pack(guess: InitialGuess, robot: RobotModel, scope: Scope) -> Array:
     swing = trajectory.swing_nodes[order]
     times = trajectory.contact_times[order]
     duration = (times[:, 2::2] - times[:, 1:-1:2])[..., None]
-    return variable_layout(scope).pack(
+    return variable_blocks(scope).pack(
         {
             "control": guess.control_points[END_POINTS:-END_POINTS],
             "times": times[:, 1:-1],
             "footholds": feet[:, 1:, :2],
-            "swing_offset": swing[..., :3] - _swing_middle(feet, scope),
-            "swing_drift": swing[..., 3:] * duration - _straight_drift(feet),
+            "swing_offset": swing[..., SWING_POSITION] - _swing_middle(feet, scope),
+            "swing_drift": swing[..., SWING_VELOCITY] * duration - _straight_drift(feet),
             "forces": _bezier_points(trajectory.force_nodes[order], times) / robot.weight,
         }
     )
@@ -88,7 +77,7 @@ def pack(guess: InitialGuess, robot: RobotModel, scope: Scope) -> Array:
 
 def unpack(vector: Array, guess: InitialGuess, robot: RobotModel, scope: Scope) -> Trajectory:
     """The trajectory of a decision vector; ends and start feet are those of the guess."""
-    blocks = variable_layout(scope).unpack(vector)
+    blocks = variable_blocks(scope).unpack(vector)
     slot_of_foot = np.argsort(guess.order)
     order = list(guess.order)
     control = guess.control_points.copy()
@@ -128,7 +117,7 @@ def _piece_durations(times: Array) -> Array:
 
 
 def _bezier_points(nodes: Array, times: Array) -> Array:
-    """Free Bézier points (4, 2·S + 4, 3) of force nodes (4, S, 3, 2, 3), in the unit of these."""
+    """Free Bézier points (4, n, 3) of force nodes (4, S, 3, 2, 3), in the unit of these."""
     value = nodes[..., 0, :]
     third = nodes[..., 1, :] * _piece_durations(times) / BEZIER_DEGREE
     before, after = value - third, value + third
@@ -140,8 +129,8 @@ def _bezier_points(nodes: Array, times: Array) -> Array:
 
 def _force_nodes(points: Array, times: Array) -> Array:
     """Force nodes (4, S, 3, 2, 3) of free Bézier points; the inverse of :func:`_bezier_points`."""
-    first, middle, last = points[:, :2], points[:, 2:-2], points[:, -2:]
-    n_stances = middle.shape[1] // 2
+    first, middle, last = np.split(points, [END_FORCE_POINTS, -END_FORCE_POINTS], axis=1)
+    n_stances = middle.shape[1] // MIDDLE_FORCE_POINTS
     per_third = BEZIER_DEGREE / _piece_durations(times)[:, :, 0]
     nodes = np.zeros((N_FEET, n_stances, FORCE_PIECES + 1, 2, 3))
     before, after = middle[:, 0::2], middle[:, 1::2]

@@ -16,6 +16,15 @@ def signed_distance(lines: Array, points: Array) -> Array:
     return np.asarray(np.cos(lines[..., 2]) * dy - np.sin(lines[..., 2]) * dx)
 
 
+def closest_distance(lines: Array, points: Array) -> Array:
+    """Distance (m) of each line (n, 3) to the closest of the points (..., 2 or more), (n,).
+
+    Infinite without points.
+    """
+    apart = np.abs(signed_distance(lines[:, None], points.reshape(-1, points.shape[-1])))
+    return np.asarray(apart.min(axis=1, initial=np.inf))
+
+
 def canonical(lines: Array) -> Array:
     """The one description of each line: the point nearest to the origin, and α in [0, π).
 

@@ -11,12 +11,10 @@ import numpy as np
 from lmtr.errors import DataError
 from lmtr.quality.cost_model import DEFAULT_COST_MODEL, CostModel, task_features
 from lmtr.quality.measure import Violations
+from lmtr.quality.status import Status
 from lmtr.robot.model import RobotModel
 from lmtr.settings import NonNegative, Settings
 from lmtr.task.task import Task
-
-CONVERGED = "converged"
-"""The one status of a solve that is worth judging."""
 
 _NOT_CONVERGED = "not_converged"
 
@@ -128,13 +126,13 @@ def judge(
     """Judge one solution.
 
     Args:
-        status: Outcome of the solve, ``converged`` or a word for what went wrong.
+        status: Outcome of the solve, one of :class:`~lmtr.quality.status.Status`.
         cost: Its cost.
         expected_cost: The cost to be expected of its task; none leaves the cost unjudged.
         violations: Its measured violations.
         thresholds: What it may show.
     """
-    reasons = [] if status == CONVERGED else [f"{_NOT_CONVERGED}:{status}"]
+    reasons = [] if status == Status.CONVERGED else [f"{_NOT_CONVERGED}:{status}"]
     reasons += [reason for reason, broken in _broken(violations, thresholds).items() if broken]
     too_dear = expected_cost is not None and cost > expected_cost * (1.0 + thresholds.cost_excess)
     if too_dear or not np.isfinite(cost):

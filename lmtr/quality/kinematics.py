@@ -3,7 +3,7 @@
 import numpy as np
 
 from lmtr.arrays import Array
-from lmtr.geometry.line import signed_distance
+from lmtr.geometry.line import closest_distance
 from lmtr.quality.residual import RigidMotion
 from lmtr.robot.model import N_FEET, RobotModel
 from lmtr.trajectory.sample import FootSamples
@@ -58,15 +58,11 @@ def phase_durations(trajectory: Trajectory) -> tuple[Array, Array]:
 
 
 def closest_footholds(trajectory: Trajectory, obstacles_W: Array) -> tuple[float, ...]:
-    """Distance (m) of each obstacle line (n, 3) to its closest foothold.
+    """Distance (m) of each obstacle line (n, 3) to its closest foothold, infinite without any.
 
     The start feet are given with the task, so they do not count.
     """
-    chosen = trajectory.footholds[:, 1:].reshape(-1, 3)
-    if len(chosen) == 0:
-        return ()
-    distance = np.abs(signed_distance(obstacles_W[:, None, :], chosen))
-    return tuple(distance.min(axis=1).tolist())
+    return tuple(closest_distance(obstacles_W, trajectory.footholds[:, 1:]).tolist())
 
 
 def _largest(excess: Array) -> float:

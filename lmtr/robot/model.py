@@ -55,6 +55,16 @@ class RobotModel(Settings):
             )
         return self
 
+    @model_validator(mode="after")
+    def _body_stays_above_its_feet(self) -> "RobotModel":
+        if self.range_of_motion[2] >= self.nominal_height:
+            raise ValueError(
+                f"robot {self.name!r}: range_of_motion must be lower than nominal_height "
+                f"{self.nominal_height} m in z, got {self.range_of_motion[2]} m, which lets feet "
+                "be at the height of the base; lower it"
+            )
+        return self
+
     @property
     def inertia_B(self) -> Array:
         """Inertia tensor about the centre of mass in base axes, (3, 3) in kg·m²."""

@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 
 from lmtr.arrays import Array
-from lmtr.geometry.line import signed_distance
+from lmtr.geometry.line import closest_distance, signed_distance
 from lmtr.geometry.rotation import rotation_matrix
 from lmtr.robot.model import N_FEET, RobotModel
 from lmtr.rollout.settings import Criteria
@@ -40,7 +40,7 @@ def obstacle_clearances(motion: Motion, obstacles_W: Array) -> Array:
             return np.zeros((0, N_FEET))
         distance = signed_distance(obstacles_W[:, None], holds.position_W[mine])
         crossed &= distance[:, 0] * distance[:, -1] < 0.0
-        by_foot.append(np.abs(distance).min(axis=1))
+        by_foot.append(closest_distance(obstacles_W, holds.position_W[mine]))
     return np.stack(by_foot, axis=-1)[crossed]
 
 

@@ -13,10 +13,10 @@ from pydantic import Field
 from lmtr.arrays import Array
 from lmtr.robot.model import N_FEET, RobotModel
 from lmtr.settings import NonNegative, PositiveRange, Settings, ascending
-from lmtr.task.task import Task
+from lmtr.task.task import MAX_OBSTACLES, Task
 
-Lines = Annotated[int, Field(ge=0, le=4)]
-"""How many obstacle lines; a fifth would hardly leave room for a step."""
+Lines = Annotated[int, Field(ge=0, le=MAX_OBSTACLES)]
+"""How many obstacle lines."""
 
 
 class TaskDistribution(Settings):

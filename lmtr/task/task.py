@@ -9,6 +9,9 @@ from lmtr.errors import TaskError
 from lmtr.geometry.se2 import SE2
 from lmtr.robot.model import FEET, N_FEET, RobotModel
 
+MAX_OBSTACLES = 4
+"""Obstacle lines that a task may have; a fifth would hardly leave room for a step."""
+
 
 @dataclass(frozen=True)
 class Task:

@@ -69,7 +69,7 @@ def test_rows_have_no_curvature_in_contact_times(drawn):
 def test_hessian_of_quadratic_costs_is_exact(drawn):
     problem, x = drawn.problem, drawn.near_start(4)
     p = drawn.parameters.copy()
-    p[problem.parameters["lines"]] = 0.0
+    p[problem.parameters["line_weights"]] = 0.0
     p[problem.parameters["foot_offset"]] = 0.0
     p[problem.parameters["proximal"]] = 0.0
     step = direction(drawn, *problem.variables.names)
@@ -83,7 +83,9 @@ def test_hessian_of_costs_is_positive_semidefinite_even_on_top_of_a_line(drawn):
     problem = drawn.problem
     x, p = drawn.near_start(5), drawn.parameters.copy()
     foothold = x[problem.variables["footholds"]][0, 0]
-    p[problem.parameters["lines"][0]] = [1.0, 0.0, foothold[0], 5.0]
+    p[problem.parameters["line_normals"][0]] = [1.0, 0.0]
+    p[problem.parameters["line_offsets"][0]] = foothold[0]
+    p[problem.parameters["line_weights"][0]] = 5.0
     gradient = problem.functions.cost_gradient
     across = np.zeros(problem.variables.size)
     across[problem.variables["footholds"][0, 0, 0]] = 1.0

@@ -5,30 +5,32 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
+from lmtr.errors import DataError
+from lmtr.expert.blocks import Blocks
 from lmtr.expert.constraints.dynamics import LEVER_ARM
-from lmtr.expert.layout import Layout
-from lmtr.expert.quantities import linear_map, quantity_layout
-from lmtr.expert.variables import pack, stance_points, unpack
+from lmtr.expert.quantities import linear_map, quantity_blocks
+from lmtr.expert.stances import n_force_points, stance_points
+from lmtr.expert.variables import pack, unpack
 from lmtr.geometry.rotation import rotation_matrix
 from lmtr.robot.model import ANYMAL, GRAVITY
 from lmtr.trajectory.sample import sample_base, sample_feet
 from lmtr.trajectory.trajectory import BASE_STEP
 
 
-def test_layout_packs_what_it_unpacks():
-    layout = Layout({"a": (2, 3), "b": (), "c": (4,)})
-    vector = np.arange(layout.size, dtype=float)
-    np.testing.assert_array_equal(layout.pack(layout.unpack(vector)), vector)
+def test_blocks_pack_what_they_unpack():
+    blocks = Blocks({"a": (2, 3), "b": (), "c": (4,)})
+    vector = np.arange(blocks.size, dtype=float)
+    np.testing.assert_array_equal(blocks.pack(blocks.unpack(vector)), vector)
 
 
-def test_layout_refuses_missing_blocks():
-    with pytest.raises(ValueError, match="name them all"):
-        Layout({"a": (2,), "b": (1,)}).pack({"a": 1.0})
+def test_blocks_refuse_missing_blocks():
+    with pytest.raises(DataError, match="name them all"):
+        Blocks({"a": (2,), "b": (1,)}).pack({"a": 1.0})
 
 
 @pytest.mark.parametrize("n_stances", [2, 3, 7])
 def test_stances_share_out_all_force_points(n_stances):
-    index = np.arange(2 * n_stances + 4)
+    index = np.arange(n_force_points(n_stances))
     shared = [index[stance_points(stance, n_stances)] for stance in range(n_stances)]
     np.testing.assert_array_equal(np.concatenate(shared), index)
 
@@ -54,7 +56,7 @@ def test_any_variables_come_back_from_their_trajectory(drawn):
 def test_quantities_are_those_of_the_sampled_trajectory(drawn):
     settings, x = drawn.settings, drawn.near_start(7)
     linear = linear_map(settings)
-    q = quantity_layout(settings).unpack(
+    q = quantity_blocks(settings).unpack(
         linear.of_variables @ x + linear.of_parameters @ drawn.parameters + linear.constant
     )
     trajectory = unpack(x, drawn.guess, ANYMAL, settings.scope)

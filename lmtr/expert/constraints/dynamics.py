@@ -22,13 +22,10 @@ from lmtr.expert.element import (
     symbols,
 )
 from lmtr.expert.gating import stance_force
-from lmtr.expert.variables import stance_points
-from lmtr.geometry.rotation import rate_rows, rate_rows_derivative, rotation_rows
+from lmtr.expert.rotation import rate_matrix, rate_matrix_derivative, rotation_matrix
+from lmtr.expert.stances import StanceKind, stance_points
 from lmtr.robot.model import GRAVITY, N_FEET, RobotModel
 from lmtr.trajectory.trajectory import BASE_STEP
-
-FIRST, MIDDLE, LAST = range(3)
-"""Kinds of stances: the first begins and the last ends with a force of its own."""
 
 LEVER_ARM = 0.3
 """Unit of moments over the weight (m): the size of the legs' lever arms."""
@@ -46,52 +43,45 @@ def dynamics(context: Context) -> ConstraintGroup:
 def _base(context: Context, rows: Indices) -> Element:
     """Minus the change of momentum, in weights."""
     robot, quantities = context.robot, context.quantities
-    per_knot = context.samples_per_knot
+    nodes = slice(None, None, context.settings.samples_per_knot)
     where = instances(
-        [
-            quantities["position"][::per_knot],
-            quantities["rpy"][::per_knot],
-            quantities["rpy_rate"],
-            quantities["acceleration"],
-            quantities["rpy_acceleration"],
-        ],
-        [context.parameters["reference"]],
-        rows=[rows],
+        {
+            "position": quantities["position"][nodes],
+            "rpy": quantities["rpy"][nodes],
+            "rpy_rate": quantities["rpy_rate"],
+            "acceleration": quantities["acceleration"],
+            "rpy_acceleration": quantities["rpy_acceleration"],
+        },
+        {"reference": context.parameters["reference"]},
+        rows=rows,
     )
     inputs = symbols(where)
-    position, rpy, rate, acceleration, rpy_acceleration = ca.vertsplit(inputs.quantities, 3)
-    needed = acceleration / GRAVITY + ca.vertcat(0.0, 0.0, 1.0)
-    arm = position - ca.vertcat(inputs.parameters, robot.nominal_height)
-    spin = _angular_momentum_rate(robot, rpy, rate, rpy_acceleration) / robot.weight
-    angular = (ca.cross(arm, needed) + spin) / LEVER_ARM
+    needed = inputs["acceleration"] / GRAVITY + ca.vertcat(0.0, 0.0, 1.0)
+    arm = inputs["position"] - ca.vertcat(inputs["reference"], robot.nominal_height)
+    spin = _angular_momentum_rate(
+        robot, inputs["rpy"], inputs["rpy_rate"], inputs["rpy_acceleration"]
+    )
+    angular = (ca.cross(arm, needed) + spin / robot.weight) / LEVER_ARM
     return Element("momentum", inputs, where, rows=-ca.vertcat(needed, angular))
 
 
 def _angular_momentum_rate(robot: RobotModel, rpy: ca.SX, rate: ca.SX, second: ca.SX) -> ca.SX:
     """d/dt(I_W ω) = R·(I_B ω̇_B + ω_B × I_B ω_B) in N·m, where ω̇_B is Rᵀω̇_W."""
-    roll, pitch, yaw = ca.vertsplit(rpy)
-    rotation = _matrix(rotation_rows(roll, pitch, yaw, ca))
-    _, pitch_rate, yaw_rate = ca.vertsplit(rate)
-    rates = _matrix(rate_rows(pitch, yaw, ca))
-    rates_derivative = _matrix(rate_rows_derivative(pitch, yaw, pitch_rate, yaw_rate, ca))
+    rotation, rates = rotation_matrix(rpy), rate_matrix(rpy)
     inertia = ca.DM(robot.inertia_B)
     omega_B = rotation.T @ (rates @ rate)
-    change_B = rotation.T @ (rates @ second + rates_derivative @ rate)
+    change_B = rotation.T @ (rates @ second + rate_matrix_derivative(rpy, rate) @ rate)
     return rotation @ (inertia @ change_B + ca.cross(omega_B, inertia @ omega_B))
-
-
-def _matrix(rows: list[list[ca.SX]]) -> ca.SX:
-    return ca.vertcat(*[ca.horzcat(*row) for row in rows])
 
 
 def _contacts(context: Context, rows: Indices) -> list[Element]:
     """Forces of first, middle and last stances: three elements, for their ends differ."""
     scope = context.settings.scope
-    met: dict[int, list[tuple[int, int, int]]] = {}
+    met: dict[StanceKind, list[tuple[int, int, int]]] = {}
     for node in range(scope.n_nodes):
         for slot in range(N_FEET):
             for stance in context.windows.stances_met(slot, node * BASE_STEP):
-                kind = FIRST if stance == 0 else LAST if stance == scope.n_swings else MIDDLE
+                kind = StanceKind.of(stance, scope.n_stances)
                 met.setdefault(kind, []).append((node, slot, stance))
     elements = []
     for kind, triples in sorted(met.items()):
@@ -102,42 +92,42 @@ def _contacts(context: Context, rows: Indices) -> list[Element]:
 
 
 def _contact_instances(
-    context: Context, kind: int, node: Indices, slot: Indices, stance: Indices, rows: Indices
+    context: Context,
+    kind: StanceKind,
+    node: Indices,
+    slot: Indices,
+    stance: Indices,
+    rows: Indices,
 ) -> Instances:
     """Inputs: the stance's variable contact changes, its foothold, its force points."""
-    times, points = context.quantities["times"], context.quantities["forces"]
-    begin = [] if kind == FIRST else [times[slot, 2 * stance - 1]]
-    end = [] if kind == LAST else [times[slot, 2 * stance]]
+    times, forces = context.quantities["times"], context.quantities["forces"]
     n_stances = context.settings.scope.n_stances
-    pushes = np.stack(
-        [points[i, stance_points(j, n_stances)] for i, j in zip(slot, stance, strict=True)]
-    )
+    pushes = [forces[i, stance_points(j, n_stances)] for i, j in zip(slot, stance, strict=True)]
+    chosen = {"foothold": context.quantities["footholds"][slot, stance], "push": np.stack(pushes)}
+    if kind is not StanceKind.FIRST:
+        chosen["begin"] = times[slot, 2 * stance - 1]
+    if kind is not StanceKind.LAST:
+        chosen["end"] = times[slot, 2 * stance]
     return instances(
-        [*begin, *end, context.quantities["footholds"][slot, stance], pushes],
-        [context.parameters["reference"][node]],
-        [node * BASE_STEP],
-        [rows[node]],
+        chosen,
+        {"reference": context.parameters["reference"][node]},
+        {"time": node * BASE_STEP},
+        rows[node],
     )
 
 
-def _contact(context: Context, kind: int, where: Instances) -> Element:
+def _contact(context: Context, kind: StanceKind, where: Instances) -> Element:
     """A foot's force and moment, zero outside its stance."""
     inputs = symbols(where)
-    n_changes = 2 if kind == MIDDLE else 1
-    changes = ca.vertsplit(inputs.quantities[:n_changes])
-    foothold = inputs.quantities[n_changes : n_changes + 2]
-    pushes = ca.vertsplit(inputs.quantities[n_changes + 2 :], 3)
-    at_rest = [ca.SX.zeros(3)] * 2
-    begin = 0.0 if kind == FIRST else changes[0]
-    end = context.settings.scope.duration if kind == LAST else changes[-1]
-    before = [] if kind == FIRST else at_rest
-    after = [] if kind == LAST else at_rest
-    force = stance_force(inputs.constants, begin, end, [*before, *pushes, *after])
-    arm = ca.vertcat(foothold - inputs.parameters, -context.robot.nominal_height)
+    begin = 0.0 if kind is StanceKind.FIRST else inputs["begin"]
+    end = context.settings.scope.duration if kind is StanceKind.LAST else inputs["end"]
+    points = kind.all_points(ca.vertsplit(inputs["push"], 3), ca.SX.zeros(3))
+    force = stance_force(inputs["time"], begin, end, points)
+    arm = ca.vertcat(inputs["foothold"] - inputs["reference"], -context.robot.nominal_height)
     return Element(
-        ("first_stance", "stance", "last_stance")[kind],
+        f"{kind.name.lower()}_stance",
         inputs,
         where,
         rows=ca.vertcat(force, ca.cross(arm, force) / LEVER_ARM),
-        without_curvature=tuple(range(n_changes)),
+        without_curvature=tuple({"begin", "end"} & inputs.named.keys()),
     )

@@ -16,9 +16,9 @@ def friction(context: Context) -> ConstraintGroup:
     """Four rows per free Bézier point, in weights."""
     points = context.quantities["forces"].reshape(-1, 3)
     rows = np.arange(4 * len(points)).reshape(-1, 4)
-    where = instances([points], rows=[rows])
+    where = instances({"point": points}, rows=rows)
     inputs = symbols(where)
-    x, y, z = ca.vertsplit(inputs.quantities)
+    x, y, z = ca.vertsplit(inputs["point"])
     limit = context.robot.friction * z
     sides = ca.vertcat(limit - x, limit + x, limit - y, limit + y)
     return ConstraintGroup(

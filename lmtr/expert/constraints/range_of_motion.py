@@ -13,11 +13,12 @@ from lmtr.expert.element import (
     ConstraintGroup,
     Element,
     Instances,
+    Symbols,
     instances,
     symbols,
 )
 from lmtr.expert.gating import swing_displacement
-from lmtr.geometry.rotation import rotation_rows
+from lmtr.expert.rotation import rotation_matrix
 from lmtr.robot.model import N_FEET
 
 
@@ -44,52 +45,36 @@ def _instances(
     context: Context, swings: int, sample: Indices, slot: Indices, first: Indices, rows: Indices
 ) -> Instances:
     """Inputs: base pose, times, footholds and middles of the swings that the sample can meet."""
-    quantities, parameters = context.quantities, context.parameters
-    chosen: list[Indices] = [quantities["position"][sample], quantities["rpy"][sample]]
-    for k in range(swings):
-        chosen.append(quantities["times"][slot, 2 * (first + k)])
-        chosen.append(quantities["times"][slot, 2 * (first + k) + 1])
-    chosen += [quantities["footholds"][slot, first + k] for k in range(swings + 1)]
-    for k in range(swings):
-        chosen.append(quantities["middle"][slot, first + k])
-        chosen.append(quantities["middle_slope"][slot, first + k])
-    weight = np.broadcast_to(parameters["foot_offset"], sample.shape)
+    quantities, slots, firsts = context.quantities, slot[:, None], first[:, None]
+    steps = firsts + np.arange(swings)
+    changes = 2 * firsts + np.arange(2 * swings)
     return instances(
-        chosen,
-        [parameters["nominal_feet"][slot], weight],
-        [sample * context.settings.range_of_motion_step],
-        [rows[sample - 1, slot]],
+        {
+            "position": quantities["position"][sample],
+            "rpy": quantities["rpy"][sample],
+            "times": quantities["times"][slots, changes],
+            "footholds": quantities["footholds"][slots, firsts + np.arange(swings + 1)],
+            "middles": quantities["middle"][slots, steps],
+            "middle_slopes": quantities["middle_slope"][slots, steps],
+        },
+        {
+            "nominal_foot": context.parameters["nominal_feet"][slot],
+            "weight": np.broadcast_to(context.parameters["foot_offset"], sample.shape),
+        },
+        {"time": sample * context.settings.range_of_motion_step},
+        rows[sample - 1, slot],
     )
 
 
 def _offset(context: Context, swings: int, where: Instances) -> Element:
     """Offset of a foot that may be in any of ``swings`` swings, or in a stance beside them."""
     robot, inputs = context.robot, symbols(where)
-    q = inputs.quantities
-    sizes = [3, 3, *[1] * (2 * swings), *[2] * (swings + 1), *[3, 2] * swings]
-    parts = ca.vertsplit(q, np.cumsum([0, *sizes]).tolist())
-    position, rpy = parts[:2]
-    changes = parts[2 : 2 + 2 * swings]
-    feet = [ca.vertcat(foot, 0.0) for foot in parts[2 + 2 * swings : 3 + 3 * swings]]
-    middles = parts[3 + 3 * swings :]
-    foot = feet[0]
-    for k in range(swings):
-        foot += swing_displacement(
-            inputs.constants,
-            changes[2 * k],
-            changes[2 * k + 1],
-            feet[k],
-            middles[2 * k],
-            ca.vertcat(middles[2 * k + 1], 0.0),
-            feet[k + 1],
-        )
-    roll, pitch, yaw = ca.vertsplit(rpy)
-    rotation = ca.vertcat(*[ca.horzcat(*row) for row in rotation_rows(roll, pitch, yaw, ca)])
-    neutral_B = ca.vertcat(inputs.parameters[:2], -robot.nominal_height)
-    offset = (rotation.T @ (foot - position) - neutral_B) / ca.DM(robot.range_of_motion)
-    weight = inputs.parameters[2] * context.settings.range_of_motion_step
-    slope = ca.jacobian(offset, q)
-    times = tuple(range(6, 6 + 2 * swings))
+    foot_W = _foot(inputs, swings)
+    neutral_B = ca.vertcat(inputs["nominal_foot"], -robot.nominal_height)
+    offset_B = rotation_matrix(inputs["rpy"]).T @ (foot_W - inputs["position"]) - neutral_B
+    offset = offset_B / ca.DM(robot.range_of_motion)
+    weight = inputs["weight"] * context.settings.range_of_motion_step
+    slope = ca.jacobian(offset, inputs.quantities)
     return Element(
         f"foot_offset_{swings}",
         inputs,
@@ -98,5 +83,26 @@ def _offset(context: Context, swings: int, where: Instances) -> Element:
         cost=weight * ca.sumsqr(offset),
         cost_name="foot_offset",
         cost_hessian=2.0 * weight * (slope.T @ slope),  # Gauss–Newton: never indefinite
-        without_curvature=times,
+        without_curvature=("times",),
     )
+
+
+def _foot(inputs: Symbols, swings: int) -> ca.SX:
+    """Position of the foot (m): its first foothold and the ways of the swings since."""
+    changes = ca.vertsplit(inputs["times"])
+    footholds = [ca.vertcat(xy, 0.0) for xy in ca.vertsplit(inputs["footholds"], 2)]
+    middles = ca.vertsplit(inputs["middles"], 3)
+    slopes = [ca.vertcat(xy, 0.0) for xy in ca.vertsplit(inputs["middle_slopes"], 2)]
+    foot = footholds[0]
+    for k in range(swings):
+        liftoff, touchdown = changes[2 * k : 2 * k + 2]
+        foot += swing_displacement(
+            inputs["time"],
+            liftoff,
+            touchdown,
+            footholds[k],
+            middles[k],
+            slopes[k],
+            footholds[k + 1],
+        )
+    return foot

@@ -14,11 +14,11 @@ def timing(context: Context) -> ConstraintGroup:
     """
     times = context.quantities["times"]
     where = instances(
-        [times[:, :-1].reshape(-1), times[:, 1:].reshape(-1)],
-        rows=[np.arange(N_FEET * (times.shape[1] - 1))],
+        {"begin": times[:, :-1].reshape(-1), "end": times[:, 1:].reshape(-1)},
+        rows=np.arange(N_FEET * (times.shape[1] - 1)),
     )
     inputs = symbols(where)
-    duration = inputs.quantities[1] - inputs.quantities[0]
+    duration = inputs["end"] - inputs["begin"]
     is_swing = np.arange(times.shape[1] - 1) % 2 == 0
     limits = context.settings.limits
     low, high = (np.where(is_swing, limits.swing[k], limits.stance[k]) for k in (0, 1))
