@@ -10,7 +10,9 @@ from hypothesis import settings
 
 from lmtr.expert.initial_guess import base_control_points, initial_guess
 from lmtr.expert.settings import Scope
+from lmtr.models.data import TrainingData
 from lmtr.robot.model import ANYMAL
+from lmtr.segmentation.segment import SegmentationSettings, segment_solution
 from lmtr.spline.bspline import hermite_nodes
 from lmtr.streams import Purpose, stream
 from lmtr.task.sampling import TaskDistribution, sample_noise, sample_task
@@ -70,3 +72,16 @@ def make_walk(seed: int) -> Walk:
 def walk() -> Callable[[int], Walk]:
     """Walks by seed."""
     return make_walk
+
+
+@pytest.fixture(scope="session")
+def walk_segments(walk: Callable) -> TrainingData:
+    """Segments of six walks."""
+    rng, settings = np.random.default_rng(0), SegmentationSettings(epochs_per_solution=10)
+    parts = [
+        segment_solution(w.trajectory, w.task.obstacles_W, settings, rng)
+        for w in map(walk, range(6))
+    ]
+    return TrainingData(
+        np.concatenate([p.x for p in parts]), np.concatenate([p.tau for p in parts])
+    )

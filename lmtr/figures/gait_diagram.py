@@ -3,25 +3,13 @@
 from itertools import pairwise
 
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from lmtr.figures.style import FOOT_COLOURS, FULL_WIDTH, INK, styled
+from lmtr.figures.style import FOOT_COLOURS, INK
 from lmtr.robot.model import FEET
 from lmtr.trajectory.motion import Footholds, Motion
 
 BAR_HEIGHT = 0.72
-
-
-@styled
-def gait_diagram(motion: Motion, title: str = "") -> Figure:
-    """Contact phases of all feet over time."""
-    figure = Figure(figsize=(FULL_WIDTH, 2.0), layout="constrained")
-    axes = figure.subplots()
-    draw_gait(axes, motion)
-    if title:
-        axes.set_title(title)
-    return figure
 
 
 def draw_gait(axes: Axes, motion: Motion) -> None:

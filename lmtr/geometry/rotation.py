@@ -93,15 +93,6 @@ def angular_velocity_W(rpy: Array, rpy_rate: Array) -> Array:
     return np.asarray(np.einsum("...ij,...j->...i", rates, rpy_rate))
 
 
-def rpy_rate(rpy: Array, omega_W: Array) -> Array:
-    """Rates of roll, pitch, yaw (..., 3) in rad/s from the world angular velocity.
-
-    Inverse of :func:`angular_velocity_W`; singular at a pitch of ±π/2, which no plan comes near.
-    """
-    rates = _stack(rate_rows(rpy[..., 1], rpy[..., 2], np))
-    return np.asarray(np.linalg.solve(rates, omega_W[..., None])[..., 0])
-
-
 def wrap_angle(angle: Array) -> Array:
     """Angle (rad) brought into [−π, π)."""
     return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)

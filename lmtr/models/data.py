@@ -6,7 +6,7 @@ from typing import Self
 from lmtr.arrays import Array
 from lmtr.errors import DataError
 from lmtr.models.rows import finite_rows
-from lmtr.vectors.layout import Layout
+from lmtr.vectors.layout import SEGMENT_LAYOUT, TASK_LAYOUT
 
 
 @dataclass(frozen=True)
@@ -21,14 +21,14 @@ class TrainingData:
     x: Array
     tau: Array
 
-    def checked(self, name: str, task_layout: Layout, segment_layout: Layout) -> Self:
+    def checked(self, name: str) -> Self:
         """The same data, refused if a training could not use them.
 
         Raises:
             DataError: None, unpaired or non-finite rows, or rows of another layout.
         """
-        x = finite_rows(f"{name} tasks x", self.x, task_layout)
-        tau = finite_rows(f"{name} segments tau", self.tau, segment_layout)
+        x = finite_rows(f"{name} tasks x", self.x, TASK_LAYOUT)
+        tau = finite_rows(f"{name} segments tau", self.tau, SEGMENT_LAYOUT)
         if len(x) != len(tau):
             raise DataError(
                 f"{name} data: x and tau must be as many rows, got {len(x)} and {len(tau)}; "

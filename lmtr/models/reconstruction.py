@@ -6,7 +6,7 @@ from lmtr.arrays import Array
 from lmtr.robot.model import FEET
 from lmtr.settings import NonNegative, Settings
 from lmtr.trajectory.nodes import POSITION, VALUE
-from lmtr.vectors.layout import SEGMENT_LAYOUT, Layout
+from lmtr.vectors.layout import SEGMENT_LAYOUT
 
 
 class ReconstructionErrors(Settings):
@@ -26,18 +26,15 @@ class ReconstructionErrors(Settings):
     forces_weights: NonNegative
 
 
-def reconstruction_errors(
-    tau: Array, tau_hat: Array, weight: float, layout: Layout = SEGMENT_LAYOUT
-) -> ReconstructionErrors:
+def reconstruction_errors(tau: Array, tau_hat: Array, weight: float) -> ReconstructionErrors:
     """Compare predicted with expert segments.
 
     Args:
         tau: Expert segments, (B, 264) in SI units.
         tau_hat: Predictions, (B, 264) in SI units.
         weight: The robot's weight (N).
-        layout: Layout of both.
     """
-    error = layout.unpack(np.asarray(tau_hat - tau))
+    error = SEGMENT_LAYOUT.unpack(np.asarray(tau_hat - tau))
     by_foot = {
         name: np.stack([error[f"{foot}_{name}"] for foot in FEET])
         for name in ("times", "second_foothold", "forces")

@@ -25,7 +25,7 @@ from lmtr.models.record import EpochRecord, ValidationRecord
 from lmtr.models.settings import ModelSettings, TrainingSettings
 from lmtr.models.trained import TrainedModel
 from lmtr.robot.model import RobotModel
-from lmtr.vectors.layout import SEGMENT_LAYOUT, TASK_LAYOUT, Layout
+from lmtr.vectors.layout import SEGMENT_LAYOUT, TASK_LAYOUT
 from lmtr.vectors.scaling import Standardiser
 
 WARM_UP = 0.3
@@ -44,8 +44,6 @@ def train(
     *,
     provenance: Mapping[str, Any] | None = None,
     report: Callable[[EpochRecord], None] | None = None,
-    task_layout: Layout = TASK_LAYOUT,
-    segment_layout: Layout = SEGMENT_LAYOUT,
 ) -> TrainedModel:
     """Fit a CVAE with Adam on Eq. 5 and keep the weights that do best on the validation data.
 
@@ -57,18 +55,16 @@ def train(
         robot: Whose motions these are.
         provenance: Versions of data and code, stored with the model.
         report: Called after every epoch; what it raises ends the training.
-        task_layout: Layout of x.
-        segment_layout: Layout of τ.
 
     Raises:
         DataError: Data that do not fit the layouts, are empty or not finite.
         ConfigurationError: A GPU is asked for and there is none.
         ModelError: The loss became infinite or NaN.
     """
-    training = training.checked("training", task_layout, segment_layout)
-    validation = validation.checked("validation", task_layout, segment_layout)
-    task_scaling = Standardiser.fit(task_layout, training.x)
-    segment_scaling = Standardiser.fit(segment_layout, training.tau)
+    training = training.checked("training")
+    validation = validation.checked("validation")
+    task_scaling = Standardiser.fit(TASK_LAYOUT, training.x)
+    segment_scaling = Standardiser.fit(SEGMENT_LAYOUT, training.tau)
     with _torch_threads(training_settings.threads):
         device = _device(training_settings)
         fit = _Fit(
@@ -249,9 +245,7 @@ class _Judge:
             reconstruction=float(loss.reconstruction),
             kl=float(loss.kl),
             active_dimensions=int(active_dimensions(mu.double().cpu().numpy()).sum()),
-            errors=reconstruction_errors(
-                self.data.tau, tau_hat, self.robot.weight, self.segment_scaling.layout
-            ),
+            errors=reconstruction_errors(self.data.tau, tau_hat, self.robot.weight),
         )
 
 

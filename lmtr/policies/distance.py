@@ -67,6 +67,6 @@ class TaskWeights(Settings):
     def expanded(self, layout: Layout = TASK_LAYOUT) -> Array:
         """w, one weight per task dimension, (35,)."""
         weights = np.zeros(layout.size)
-        for category, part in layout.category_slices().items():
+        for category, part in layout.category_indices().items():
             weights[part] = getattr(self, category)
         return weights

@@ -9,7 +9,7 @@ from lmtr.errors import DataError
 from lmtr.models.rows import finite_rows
 from lmtr.policies.distance import TaskWeights
 from lmtr.policies.nearest_neighbour import TaskIndex
-from lmtr.vectors.layout import SEGMENT_LAYOUT, Layout
+from lmtr.vectors.layout import SEGMENT_LAYOUT
 from lmtr.vectors.scaling import Standardiser
 
 
@@ -21,7 +21,6 @@ class TrajectoryLibraryReplanner:
         tau: Their segments (N, 264).
         weights: w of the task distance.
         standardiser: Scaling of the task dimensions.
-        layout: Layout of τ.
 
     Raises:
         DataError: Tasks or segments are of another layout, not finite, none, or not as many.
@@ -35,7 +34,6 @@ class TrajectoryLibraryReplanner:
         tau: Array,
         weights: TaskWeights,
         standardiser: Standardiser,
-        layout: Layout = SEGMENT_LAYOUT,
     ) -> None:
         if len(x) != len(tau):
             raise DataError(
@@ -44,7 +42,7 @@ class TrajectoryLibraryReplanner:
             )
         self._weights = weights
         self._index = TaskIndex(x, weights, standardiser)
-        self._tau = finite_rows("library segments", tau, layout).astype(np.float32)
+        self._tau = finite_rows("library segments", tau, SEGMENT_LAYOUT).astype(np.float32)
 
     @property
     def nbytes(self) -> int:

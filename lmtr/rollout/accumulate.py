@@ -9,7 +9,7 @@ from lmtr.arrays import Array, Flags, Indices
 from lmtr.robot.model import N_FEET
 from lmtr.rollout.contacts import Feet
 from lmtr.rollout.courses import Course
-from lmtr.rollout.record import Outcome, Rollout
+from lmtr.rollout.record import Ending, Rollout
 from lmtr.rollout.settings import RolloutSettings
 from lmtr.rollout.window import Samples, Window
 from lmtr.trajectory.motion import Footholds, Motion
@@ -87,13 +87,11 @@ class Accumulator:
         element, foot = self._touchdowns.add(rows, lands, times)
         self._places_W.append(places_W[element, foot, :2])
 
-    def close(
-        self, replanner: str, courses: list[Course], outcomes: list[Outcome]
-    ) -> list[Rollout]:
+    def close(self, replanner: str, courses: list[Course], endings: list[Ending]) -> list[Rollout]:
         """End the accumulation: the records, each motion cut at the end of its last window."""
         footholds = self._footholds()
         records = []
-        for row, (course, outcome) in enumerate(zip(courses, outcomes, strict=True)):
+        for row, (course, ending) in enumerate(zip(courses, endings, strict=True)):
             done, until = int(self._done[row]), int(self._last()[row]) + 1
             samples = {name: np.array(self._samples[name][row, :until]) for name in SAMPLED}
             times: Array = BASE_STEP * np.arange(until, dtype=np.float64)
@@ -104,7 +102,7 @@ class Accumulator:
                     index=course.index,
                     motion=Motion(times=times, footholds=footholds[row], **samples),
                     obstacles_W=course.obstacles_W,
-                    outcome=outcome,
+                    ending=ending,
                     velocity_jump=np.array(self._velocity_jump[row, :done]),
                     foot_jump=np.array(self._foot_jump[row, :done]),
                     disagreements=np.array(self._disagreements[row, :done]),

@@ -5,7 +5,7 @@ import numpy as np
 from lmtr.arrays import Array, Flags
 from lmtr.geometry.se2 import SE2
 from lmtr.robot.model import RobotModel
-from lmtr.rollout.record import Outcome
+from lmtr.rollout.record import Ending
 from lmtr.rollout.settings import PlausibleRange
 from lmtr.rollout.window import Samples
 
@@ -20,22 +20,22 @@ def legible(tau: Array) -> Flags:
     return np.asarray((np.abs(tau) < LARGEST_ENTRY).all(axis=-1))
 
 
-def judged(samples: Samples, plausible: PlausibleRange, robot: RobotModel) -> list[Outcome]:
-    """The outcome of each of n motions: completed, or the first limit that it leaves."""
+def judged(samples: Samples, plausible: PlausibleRange, robot: RobotModel) -> list[Ending]:
+    """The ending of each of n motions: completed, or the first limit that it leaves."""
     height = samples.base_position_W[..., 2] / robot.nominal_height
     tilt = np.abs(samples.base_rpy[..., :2]).max(axis=-1)
     speed = np.sqrt((samples.base_velocity_W**2).sum(axis=-1))
     reach = _foot_offset(samples, robot).max(axis=-1)
     low, high = plausible.height
     outside = {
-        Outcome.HEIGHT: (height < low) | (height > high),
-        Outcome.TILT: tilt > plausible.tilt,
-        Outcome.SPEED: speed > plausible.speed,
-        Outcome.FEET: reach > plausible.foot_offset,
+        Ending.BASE_HEIGHT: (height < low) | (height > high),
+        Ending.TILT: tilt > plausible.tilt,
+        Ending.SPEED: speed > plausible.speed,
+        Ending.FOOT_OFFSET: reach > plausible.foot_offset,
     }
     leaves = np.stack([at_times.any(axis=1) for at_times in outside.values()], axis=-1)
     reasons = list(outside)
-    return [reasons[int(np.argmax(left))] if left.any() else Outcome.COMPLETED for left in leaves]
+    return [reasons[int(np.argmax(left))] if left.any() else Ending.COMPLETED for left in leaves]
 
 
 def _foot_offset(samples: Samples, robot: RobotModel) -> Array:

@@ -11,7 +11,7 @@ from lmtr.errors import DataError
 from lmtr.robot.model import RobotModel
 from lmtr.rollout.contacts import Disagreement
 from lmtr.rollout.metrics import Tally
-from lmtr.rollout.record import Outcome, Rollout
+from lmtr.rollout.record import Ending, Rollout
 from lmtr.rollout.settings import Criteria
 from lmtr.streams import Purpose, stream
 from lmtr.trajectory.motion import Motion
@@ -79,7 +79,7 @@ class ReplannerSummary:
     replanner: str
     performance: Performance
     diverged: int
-    reasons: dict[Outcome, int]
+    reasons: dict[Ending, int]
     velocity_jump: float
     foot_jump: float
     disagreement_share: float
@@ -111,7 +111,7 @@ def summarise(
             "summarise each replanner by itself"
         )
     motions = [(rollout.motion, rollout.obstacles_W) for rollout in rollouts]
-    reasons = Counter(rollout.outcome for rollout in rollouts if rollout.diverged)
+    reasons = Counter(rollout.ending for rollout in rollouts if rollout.diverged)
     kinds = np.concatenate([rollout.disagreements.reshape(-1) for rollout in rollouts])
     found = Counter(Disagreement(kind) for kind in kinds[kinds != Disagreement.NONE].tolist())
     return ReplannerSummary(

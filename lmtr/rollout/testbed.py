@@ -19,7 +19,7 @@ from lmtr.rollout.batch import taken
 from lmtr.rollout.courses import Course, obstacle_array
 from lmtr.rollout.mission import goal_ahead_W
 from lmtr.rollout.plausibility import judged, legible
-from lmtr.rollout.record import Outcome, Rollout
+from lmtr.rollout.record import Ending, Rollout
 from lmtr.rollout.settings import RolloutSettings
 from lmtr.rollout.window import Instant, Window, begin, carry_out
 from lmtr.trajectory.trajectory import Trajectory
@@ -78,13 +78,13 @@ def run_rollouts(
     first, here = begin(_decoded_starts(courses, starts, settings, robot))
     lines_W = obstacle_array(courses)
     accumulator = Accumulator(first, here.feet, settings)
-    outcomes = [Outcome.COMPLETED for _ in courses]
+    endings = [Ending.COMPLETED for _ in courses]
     rows = np.arange(len(courses))
     for cycle in range(settings.n_cycles):
         window, ends, seconds = _cycle(replanner, here, lines_W[rows], settings, robot)
         for row, end in zip(rows, ends, strict=True):
-            outcomes[row] = end
-        goes_on = np.array([end is Outcome.COMPLETED for end in ends])
+            endings[row] = end
+        goes_on = np.array([end is Ending.COMPLETED for end in ends])
         rows, window = rows[goes_on], taken(window, goes_on)
         accumulator.add(rows, cycle, window, seconds)
         here = window.end
@@ -92,7 +92,7 @@ def run_rollouts(
             report(Progress(cycle + 1, settings.n_cycles, len(rows), len(courses)))
         if len(rows) == 0:
             break
-    return accumulator.close(replanner.name, courses, outcomes)
+    return accumulator.close(replanner.name, courses, endings)
 
 
 def _cycle(
@@ -101,8 +101,8 @@ def _cycle(
     lines_W: Array,
     settings: RolloutSettings,
     robot: RobotModel,
-) -> tuple[Window, list[Outcome], float]:
-    """One replanning of n rollouts: windows, outcomes, planning time of each (s)."""
+) -> tuple[Window, list[Ending], float]:
+    """One replanning of n rollouts: windows, endings, planning time of each (s)."""
     goal_W = goal_ahead_W(here.state.frame_W.x, settings.goal_distance)
     x = encode_task(here.state, lines_W, goal_W)
     begun = perf_counter()
@@ -117,10 +117,10 @@ def _cycle(
     # A plan that cannot be read is put to zero: the batch goes on, and its rollout ends here.
     plan = decode_segment(np.where(readable[:, None], tau, 0.0))
     window = carry_out(plan, here, settings)
-    outcomes = judged(window.samples, settings.plausible, robot)
+    endings = judged(window.samples, settings.plausible, robot)
     ends = [
-        end if can_read else Outcome.NOT_FINITE
-        for end, can_read in zip(outcomes, readable, strict=True)
+        end if can_read else Ending.NOT_FINITE
+        for end, can_read in zip(endings, readable, strict=True)
     ]
     return window, ends, seconds
 
@@ -141,11 +141,11 @@ def _decoded_starts(
             "choose others"
         )
     segments = decode_segment(starts)
-    outcomes = judged(begin(segments)[0], settings.plausible, robot)
-    for row, outcome in enumerate(outcomes):
-        if outcome is not Outcome.COMPLETED:
+    endings = judged(begin(segments)[0], settings.plausible, robot)
+    for row, ending in enumerate(endings):
+        if ending is not Ending.COMPLETED:
             raise DataError(
                 f"rollouts: starts must be plausible for robot {robot.name!r}, row {row} is not "
-                f"({outcome}); choose segments of this robot"
+                f"({ending}); choose segments of this robot"
             )
     return segments

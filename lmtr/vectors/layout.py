@@ -98,7 +98,7 @@ class Layout:
         """Categories in the order in which they first appear."""
         return tuple(dict.fromkeys(f.category for f in self.fields))
 
-    def category_slices(self) -> dict[str, Indices]:
+    def category_indices(self) -> dict[str, Indices]:
         """Indices of each category's numbers, ascending; a category need not be contiguous."""
         owner = np.repeat([f.category for f in self.fields], [f.size for f in self.fields])
         return {category: np.flatnonzero(owner == category) for category in self.categories}

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from lmtr.errors import ConfigurationError, DataError
-from lmtr.figures.gait_diagram import draw_gait, gait_diagram
+from lmtr.figures.gait_diagram import draw_gait
 from lmtr.figures.motion_figure import motion_figure
 from lmtr.figures.resample import resampled
 from lmtr.figures.scene import Camera, chords
@@ -161,8 +161,8 @@ def test_footholds_in_any_order_give_the_same_gait_diagram():
     back = Footholds(**{k: v[::-1] for k, v in vars(motion.footholds).items()})
     pictures = []
     for footholds in (motion.footholds, back):
-        figure = gait_diagram(dataclasses.replace(motion, footholds=footholds), "trot")
-        figure.set_dpi(40)
+        figure = Figure(dpi=40)
+        draw_gait(figure.subplots(), dataclasses.replace(motion, footholds=footholds))
         figure.canvas.draw()
         pictures.append(
             [p.get_extents().bounds for c in figure.axes[0].collections for p in c.get_paths()]

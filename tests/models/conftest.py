@@ -11,7 +11,6 @@ from lmtr.models.settings import ModelSettings, TrainingSettings
 from lmtr.models.trained import TrainedModel
 from lmtr.models.training import train
 from lmtr.robot.model import ANYMAL
-from lmtr.segmentation.segment import SegmentationSettings, segment_solution
 from lmtr.vectors.layout import SEGMENT_LAYOUT, TASK_LAYOUT
 
 
@@ -41,19 +40,6 @@ class Fork:
 
 
 @pytest.fixture(scope="session")
-def walk_segments(walk: Callable) -> TrainingData:
-    """Segments of six walks."""
-    rng, settings = np.random.default_rng(0), SegmentationSettings(epochs_per_solution=10)
-    parts = [
-        segment_solution(w.trajectory, w.task.obstacles_W, settings, rng)
-        for w in map(walk, range(6))
-    ]
-    return TrainingData(
-        np.concatenate([p.x for p in parts]), np.concatenate([p.tau for p in parts])
-    )
-
-
-@pytest.fixture(scope="session")
 def fork() -> Callable[[int, int], Fork]:
     """Forks by size and seed."""
 
@@ -64,7 +50,7 @@ def fork() -> Callable[[int, int], Fork]:
         cause = rng.standard_normal((size, 3))
         x = cause @ directions.standard_normal((3, TASK_LAYOUT.size))
         tau = np.tanh(cause @ directions.standard_normal((3, SEGMENT_LAYOUT.size)) / 3.0)
-        differs = SEGMENT_LAYOUT.category_slices()["motion"]
+        differs = SEGMENT_LAYOUT.category_indices()["motion"]
         half = 0.5
         left, right = tau.copy(), tau.copy()
         left[:, differs] += half

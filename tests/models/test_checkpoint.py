@@ -2,12 +2,13 @@
 
 import dataclasses
 import json
+import os
+from itertools import count
 
 import numpy as np
 import pytest
 
 from lmtr.errors import ModelError
-from lmtr.models import checkpoint
 from lmtr.models.checkpoint import DESCRIPTION, WEIGHTS, load, save
 from lmtr.robot.model import ANYMAL, HYQ
 from lmtr.vectors.layout import SEGMENT_LAYOUT, TASK_LAYOUT
@@ -112,12 +113,13 @@ def test_an_older_model_is_replaced_and_other_files_are_not(folder, small_model,
 
 
 def test_a_save_that_fails_half_way_leaves_the_old_model(folder, small_model, monkeypatch):
-    def full_disk(path, content):
-        if path.name == DESCRIPTION:
-            raise OSError(28, "No space left on device")
-        path.write_bytes(content)
+    files = count()
 
-    monkeypatch.setattr(checkpoint, "_write", full_disk)
+    def full_disk(_):
+        if next(files) % 2:  # every second file
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full_disk)
     with pytest.raises(OSError, match="No space"):
         save(small_model(0), folder)
     with pytest.raises(OSError, match="No space"):

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from torch.distributions import Normal, kl_divergence
 
-from lmtr.models.latent import active_dimensions, kl_per_dimension
+from lmtr.models.latent import active_dimensions
 from lmtr.models.loss import cvae_loss, gaussian_kl
 
 moments = hnp.arrays(np.float64, (5, 3), elements=st.floats(-3.0, 3.0))
@@ -20,13 +20,6 @@ def test_kl_is_that_of_torch_and_never_negative(mu, log_variance):
     theirs = kl_divergence(Normal(mean, (0.5 * spread).exp()), Normal(0.0, 1.0)).sum(-1)
     torch.testing.assert_close(ours, theirs, rtol=1e-9, atol=1e-12)
     assert (ours >= -1e-12).all()
-
-
-@given(mu=moments, log_variance=moments)
-def test_kl_per_dimension_adds_up_to_the_loss(mu, log_variance):
-    total = gaussian_kl(torch.as_tensor(mu), torch.as_tensor(log_variance)).mean()
-    parts = kl_per_dimension(mu, np.exp(0.5 * log_variance))
-    np.testing.assert_allclose(parts.sum(), float(total), rtol=1e-9, atol=1e-12)
 
 
 def test_kl_of_the_prior_and_of_no_latent_space_is_zero():

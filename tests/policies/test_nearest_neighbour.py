@@ -81,7 +81,7 @@ def test_a_category_of_weight_zero_is_ignored(category):
     library, x = rng.standard_normal((2, 200, TASK_LAYOUT.size))
     index = TaskIndex(library, TaskWeights(**{category: 0.0}), UNIT)
     changed = x.copy()
-    changed[:, TASK_LAYOUT.category_slices()[category]] += 100.0
+    changed[:, TASK_LAYOUT.category_indices()[category]] += 100.0
     for found, expected in zip(index.query(changed, 2), index.query(x, 2), strict=True):
         np.testing.assert_array_equal(found, expected)
 
@@ -101,7 +101,7 @@ def test_what_cannot_be_searched_is_refused():
         index.query(library, 11)
     with pytest.raises(DataError, match="at least one"):
         TaskIndex(library[:0], TaskWeights(), UNIT)
-    library[:, TASK_LAYOUT.category_slices()["eta"]] = 1.0
+    library[:, TASK_LAYOUT.category_indices()["eta"]] = 1.0
     only_eta = TaskWeights.of([0.0, 0.0, 1.0, 0.0])
     with pytest.raises(DataError, match="constant"):
         TaskIndex(library, only_eta, Standardiser.fit(TASK_LAYOUT, library))

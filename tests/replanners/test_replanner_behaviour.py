@@ -16,11 +16,11 @@ def replanner(named):
 
 
 @pytest.fixture
-def tasks(expert):
+def tasks(walk_segments):
     """A hundred tasks near those of the expert, none of them among them."""
     rng = np.random.default_rng(7)
-    rows = expert.x[rng.integers(0, len(expert.x), 100)]
-    return rows + 0.05 * expert.x.std(axis=0) * rng.standard_normal(rows.shape)
+    rows = walk_segments.x[rng.integers(0, len(walk_segments.x), 100)]
+    return rows + 0.05 * walk_segments.x.std(axis=0) * rng.standard_normal(rows.shape)
 
 
 def test_plans_are_segments_that_decode(replanner, tasks):

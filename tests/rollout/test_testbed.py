@@ -10,7 +10,7 @@ from lmtr.geometry.se2 import SE2
 from lmtr.robot.model import ANYMAL, HYQ
 from lmtr.rollout.contacts import Disagreement
 from lmtr.rollout.courses import random_courses
-from lmtr.rollout.record import Outcome
+from lmtr.rollout.record import Ending
 from lmtr.rollout.settings import PlausibleRange, RolloutSettings
 from lmtr.rollout.starts import draw_starts
 from lmtr.rollout.testbed import run_rollouts
@@ -47,7 +47,7 @@ def test_replaying_a_walk_window_by_window_gives_the_walk_back(oracle, short):
         seen = walk.seen_from(SE2(start[0], start[1], start[5]), FIRST_EPOCH)
         expected, motion = sampled(seen, 0.1), rollout.motion
         then = slice(5, 5 + len(motion.times))  # the samples from the first epoch on
-        assert rollout.outcome is Outcome.COMPLETED
+        assert rollout.ending is Ending.COMPLETED
         assert len(motion.times) == 61
         for name in (
             "times",
@@ -180,14 +180,14 @@ def base_at(derivative, coordinate, value):
 @pytest.mark.parametrize(
     ("spoil", "reason"),
     [
-        (lambda tau: np.full_like(tau, np.nan), Outcome.NOT_FINITE),
-        (lambda tau: np.full_like(tau, np.inf), Outcome.NOT_FINITE),
-        (lambda tau: np.where(np.arange(264) == 200, np.nan, tau), Outcome.NOT_FINITE),
-        (lambda tau: np.full_like(tau, 1e200), Outcome.NOT_FINITE),
-        (base_at(0, 2, 0.1), Outcome.HEIGHT),
-        (base_at(0, 4, 1.2), Outcome.TILT),
-        (base_at(1, 1, 2.0), Outcome.SPEED),
-        (base_at(0, 0, 0.9), Outcome.FEET),
+        (lambda tau: np.full_like(tau, np.nan), Ending.NOT_FINITE),
+        (lambda tau: np.full_like(tau, np.inf), Ending.NOT_FINITE),
+        (lambda tau: np.where(np.arange(264) == 200, np.nan, tau), Ending.NOT_FINITE),
+        (lambda tau: np.full_like(tau, 1e200), Ending.NOT_FINITE),
+        (base_at(0, 2, 0.1), Ending.BASE_HEIGHT),
+        (base_at(0, 4, 1.2), Ending.TILT),
+        (base_at(1, 1, 2.0), Ending.SPEED),
+        (base_at(0, 0, 0.9), Ending.FOOT_OFFSET),
     ],
 )
 def test_a_rollout_that_leaves_the_plausible_range_ends_and_the_others_go_on(
@@ -196,7 +196,7 @@ def test_a_rollout_that_leaves_the_plausible_range_ends_and_the_others_go_on(
     courses = random_courses(short, 0, range(3))
     breaking = Breaking(oracle, spoil)
     rollouts = run_rollouts(breaking, courses, oracle.windows(0), short, ANYMAL)
-    assert [r.outcome for r in rollouts] == [Outcome.COMPLETED, reason, Outcome.COMPLETED]
+    assert [r.ending for r in rollouts] == [Ending.COMPLETED, reason, Ending.COMPLETED]
     ended = rollouts[1]
     assert ended.diverged
     assert ended.end_time == pytest.approx(1.2)
@@ -227,7 +227,7 @@ def test_a_plan_that_fails_at_once_leaves_the_start(oracle, short):
 
     courses = random_courses(short, 0, range(3))
     rollouts = run_rollouts(Broken(), courses, oracle.windows(0), short, ANYMAL)
-    assert all(r.outcome is Outcome.NOT_FINITE for r in rollouts)
+    assert all(r.ending is Ending.NOT_FINITE for r in rollouts)
     assert all(len(r.motion.times) == 1 and r.end_time == 0.0 for r in rollouts)
 
 

@@ -20,12 +20,12 @@ def test_sizes_are_those_of_the_paper():
 
 
 def test_categories_share_out_the_task_vector():
-    sizes = {name: len(index) for name, index in TASK_LAYOUT.category_slices().items()}
+    sizes = {name: len(index) for name, index in TASK_LAYOUT.category_indices().items()}
     assert sizes == {"chi_base": 9, "chi_feet": 16, "eta": 6, "gamma": 4}
 
 
 def test_categories_share_out_the_segment_vector():
-    sizes = {name: len(index) for name, index in SEGMENT_LAYOUT.category_slices().items()}
+    sizes = {name: len(index) for name, index in SEGMENT_LAYOUT.category_indices().items()}
     assert sizes == {"base": 108, "times": 4 * 4, "motion": 4 * 11, "forces": 4 * 24}
 
 
@@ -61,7 +61,7 @@ def test_order_of_the_segment_vector_is_the_contract():
 
 @LAYOUTS
 def test_every_number_belongs_to_one_field_and_one_category(layout):
-    owned = np.concatenate(list(layout.category_slices().values()))
+    owned = np.concatenate(list(layout.category_indices().values()))
     assert sorted(owned.tolist()) == list(range(layout.size))
     for name, part in layout.slices.items():
         assert all(layout.field_at(i).name == name for i in range(part.start, part.stop))

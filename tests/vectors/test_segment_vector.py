@@ -28,7 +28,7 @@ def test_decoding_gives_back_the_segment_exactly(walk):
 def test_vectors_of_valid_times_are_given_back_exactly(seed):
     rng = np.random.default_rng(seed)
     tau = rng.normal(size=(3, SEGMENT_LAYOUT.size))
-    times = SEGMENT_LAYOUT.category_slices()["times"].reshape(4, 4)
+    times = SEGMENT_LAYOUT.category_indices()["times"].reshape(4, 4)
     tau[:, times] = np.cumsum(rng.uniform(MIN_PHASE + 1e-6, 1.0, (3, 4, 4)), axis=-1) - 1.0
     assert np.array_equal(encode_segment(decode_segment(tau)), tau)
 
