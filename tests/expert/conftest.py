@@ -1,6 +1,7 @@
 """One small problem and one full one, built once for all tests of the expert."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -90,7 +91,22 @@ def long_expert() -> Expert:
     return Expert(ANYMAL, ExpertSettings(), None)
 
 
+@dataclass(frozen=True)
+class Solved:
+    """A task of the default distribution and what the expert made of it."""
+
+    task: Task
+    noise: Noise
+    solution: Solution
+
+
 @pytest.fixture(scope="session")
-def solved(long_expert: Expert) -> tuple[Task, Solution]:
-    task, noise = draw(long_expert.settings, TaskDistribution(), 1)
-    return task, long_expert.solve(task, noise)
+def solved_tasks(long_expert: Expert) -> list[Solved]:
+    """The first tasks of the default distribution, with two lines each."""
+    pairs = [draw(long_expert.settings, TaskDistribution(), index) for index in range(3)]
+    return [Solved(task, noise, long_expert.solve(task, noise)) for task, noise in pairs]
+
+
+@pytest.fixture(scope="session")
+def solved(solved_tasks: list[Solved]) -> tuple[Task, Solution]:
+    return solved_tasks[1].task, solved_tasks[1].solution

@@ -8,6 +8,7 @@ from lmtr.expert.solve import Expert
 from lmtr.geometry.se2 import SE2
 from lmtr.quality.filter import QualityThresholds, expected_cost, judge
 from lmtr.quality.measure import measure
+from lmtr.quality.status import Status
 from lmtr.robot.model import ANYMAL
 from lmtr.segmentation.window import cut, valid_epochs
 from lmtr.streams import Purpose, stream
@@ -35,7 +36,7 @@ def test_expert_solutions_are_accepted(solved):
     for task, solution in solved:
         violations = measure(solution.trajectory, ANYMAL, task.obstacles_W)
         expected = expected_cost(task, ANYMAL, limits)
-        verdict = judge(str(solution.status), solution.cost, expected, violations, limits)
+        verdict = judge(solution.status, solution.cost, expected, violations, limits)
         assert verdict.reasons == ()
         assert violations.drift < 0.015
         assert violations.linear_residual_rms < 0.25
@@ -44,7 +45,7 @@ def test_expert_solutions_are_accepted(solved):
 def test_expert_guesses_are_not(solved):
     for task, solution in solved:
         violations = measure(solution.guess, ANYMAL, task.obstacles_W)
-        verdict = judge("converged", solution.cost, None, violations, QualityThresholds())
+        verdict = judge(Status.CONVERGED, solution.cost, None, violations, QualityThresholds())
         assert "angular_residual" in verdict.reasons
         assert "drift" in verdict.reasons
 

@@ -1,0 +1,141 @@
+"""Solutions of whole tasks, rebuilt by SciPy from their nodes: they balance and keep the rules.
+
+Nothing here samples a trajectory with the project's own code.
+"""
+
+from functools import cached_property
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicHermiteSpline
+from scipy.spatial.transform import Rotation
+
+from lmtr.quality.filter import QualityThresholds
+from lmtr.robot.model import ANYMAL, GRAVITY, N_FEET
+from lmtr.trajectory.trajectory import BASE_STEP
+
+STEP = 1e-5
+LIMITS = QualityThresholds()
+
+
+class Rebuilt:
+    """Splines of one solution in time, feet and forces each as one spline from start to end."""
+
+    def __init__(self, trajectory):
+        times = trajectory.contact_times
+        self.begin, self.end = times[:, 0::2], times[:, 1::2]
+        nodes = trajectory.base_nodes
+        self.knots = BASE_STEP * np.arange(len(nodes))
+        self.base = CubicHermiteSpline(self.knots, nodes[:, 0], nodes[:, 1])
+        self.feet = [self._foot(trajectory, foot) for foot in range(N_FEET)]
+        self.forces = [self._force(trajectory, foot) for foot in range(N_FEET)]
+        self.footholds = trajectory.footholds
+
+    def _foot(self, trajectory, foot):
+        """A stance is a piece between two nodes at rest, a swing two pieces about its middle."""
+        stops = np.repeat(trajectory.footholds[foot], 2, axis=0)
+        swings, velocity = trajectory.swing_nodes[foot], np.zeros((len(stops), 3))
+        middle = np.arange(2, len(stops), 2)
+        times = np.sort(np.stack([self.begin[foot], self.end[foot]], axis=-1).reshape(-1))
+        half_way = 0.5 * (times[1:-1:2] + times[2::2])
+        drift = np.pad(swings[:, 3:], ((0, 0), (0, 1)))
+        return CubicHermiteSpline(
+            np.insert(times, middle, half_way),
+            np.insert(stops, middle, swings[:, :3], axis=0),
+            np.insert(velocity, middle, drift, axis=0),
+        )
+
+    def _force(self, trajectory, foot):
+        """In swing it runs from a stance's last node to the next one's first."""
+        nodes = trajectory.force_nodes[foot]
+        share = np.linspace(0.0, 1.0, nodes.shape[1])
+        begin, end = self.begin[foot][:, None], self.end[foot][:, None]
+        flat = nodes.reshape(-1, 2, 3)
+        times = (begin + share * (end - begin)).reshape(-1)
+        return CubicHermiteSpline(times, flat[:, 0], flat[:, 1])
+
+    def rotation(self, times):
+        return Rotation.from_euler("ZYX", self.base(times)[:, :2:-1]).as_matrix()
+
+    def momentum(self, times):
+        """Angular momentum about the centre of mass, world axes; ω from differences of R."""
+        rotation = self.rotation(times)
+        slope = (self.rotation(times + STEP) - self.rotation(times - STEP)) / (2.0 * STEP)
+        spin = slope @ rotation.transpose(0, 2, 1)
+        omega = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=-1)
+        inertia_W = rotation @ ANYMAL.inertia_B @ rotation.transpose(0, 2, 1)
+        return np.einsum("tij,tj->ti", inertia_W, omega)
+
+    def at(self, splines, times):
+        """Values of all feet's splines, (M, 4, 3)."""
+        return np.stack([spline(times) for spline in splines], axis=1)
+
+    @cached_property
+    def grid(self):
+        return np.arange(0.0, self.knots[-1] + 1e-9, 0.01)
+
+    @cached_property
+    def stance(self):
+        """Stance of each foot on the grid, (M, 4), −1 in swing."""
+        inside = (self.begin <= self.grid[:, None, None]) & (self.grid[:, None, None] <= self.end)
+        return np.where(inside.any(axis=-1), inside.argmax(axis=-1), -1)
+
+
+@pytest.fixture(scope="module", params=range(3))
+def rebuilt(request, solved_tasks):
+    return Rebuilt(solved_tasks[request.param].solution.trajectory)
+
+
+def test_forces_explain_the_acceleration_at_every_base_node(rebuilt):
+    times = rebuilt.knots[1:-1]
+    force = rebuilt.at(rebuilt.forces, times).sum(axis=1)
+    gravity = np.array([0.0, 0.0, -ANYMAL.weight])
+    needed = ANYMAL.mass * rebuilt.base(times, 2)[:, :3]
+    assert np.abs(force + gravity - needed).max() < 2e-4 * ANYMAL.weight
+    assert np.abs(needed).max() > 100.0 * np.abs(force + gravity - needed).max()
+
+
+def test_moments_explain_the_change_of_spin_at_every_base_node(rebuilt):
+    times = rebuilt.knots[1:-1]
+    arm = rebuilt.at(rebuilt.feet, times) - rebuilt.base(times)[:, None, :3]
+    moment = np.cross(arm, rebuilt.at(rebuilt.forces, times)).sum(axis=1)
+    change = (rebuilt.momentum(times + STEP) - rebuilt.momentum(times - STEP)) / (2.0 * STEP)
+    assert np.abs(moment - change).max() < 0.02  # N·m
+    assert np.abs(moment).max() > 100.0 * np.abs(moment - change).max()
+
+
+def test_the_base_accelerates_without_jumps(rebuilt):
+    knots = rebuilt.knots[1:-1]
+    before, after = rebuilt.base(knots - 1e-9, 2), rebuilt.base(knots + 1e-9, 2)
+    np.testing.assert_allclose(before, after, atol=1e-5)
+    assert np.abs(after).max() > 0.1 * GRAVITY
+
+
+def test_swinging_feet_push_nothing_and_standing_ones_hold_still_on_the_ground(rebuilt):
+    feet, force = (rebuilt.at(splines, rebuilt.grid) for splines in (rebuilt.feet, rebuilt.forces))
+    stands = rebuilt.stance >= 0
+    assert 0.1 < (~stands).mean() < 0.5
+    np.testing.assert_array_equal(force[~stands], 0.0)
+    holds = rebuilt.footholds[np.arange(N_FEET), rebuilt.stance]
+    np.testing.assert_allclose(feet[stands], holds[stands], atol=1e-12)
+    np.testing.assert_allclose(feet[stands][:, 2], 0.0, atol=1e-12)
+    assert feet[~stands][:, 2].min() > -LIMITS.swing_depth
+    assert feet[..., 2].max(axis=0).min() > 0.04 - 1e-6
+
+
+def test_forces_push_within_the_friction_pyramid_and_bear_the_weight(rebuilt):
+    force = rebuilt.at(rebuilt.forces, rebuilt.grid) / ANYMAL.weight
+    tangential = np.abs(force[..., :2]).max(axis=-1)
+    assert (tangential - ANYMAL.friction * force[..., 2]).max() < LIMITS.friction_excess
+    assert force[..., 2].min() > -LIMITS.pull
+    assert force[..., 2].max() < LIMITS.force_peak + 1e-6
+    assert force[..., 2].sum(axis=1).mean() == pytest.approx(1.0, abs=0.01)
+
+
+def test_feet_stay_within_their_range_of_motion(rebuilt):
+    arm = rebuilt.at(rebuilt.feet, rebuilt.grid) - rebuilt.base(rebuilt.grid)[:, None, :3]
+    offset_B = arm @ rebuilt.rotation(rebuilt.grid) - ANYMAL.nominal_feet_B
+    excess = np.abs(offset_B) - np.array(ANYMAL.range_of_motion)
+    stands = rebuilt.stance >= 0
+    assert excess[stands].max() < LIMITS.stance_overshoot
+    assert excess[~stands][:, :2].max() < LIMITS.swing_overshoot
