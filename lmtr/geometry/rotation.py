@@ -95,4 +95,5 @@ def angular_velocity_W(rpy: Array, rpy_rate: Array) -> Array:
 
 def wrap_angle(angle: Array) -> Array:
     """Angle (rad) brought into [−π, π)."""
-    return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)
+    wrapped = (angle + np.pi) % (2.0 * np.pi) - np.pi
+    return np.where(wrapped >= np.pi, -np.pi, wrapped)  # a remainder may round up to 2π
