@@ -24,6 +24,7 @@ from pydantic import (
     model_validator,
 )
 
+from lmtr import __version__
 from lmtr.errors import ConfigurationError
 from lmtr.expert.settings import ExpertSettings
 from lmtr.models.settings import ModelSettings, TrainingSettings
@@ -191,10 +192,16 @@ class Configuration(Settings):
     def dataset_id(self) -> str:
         """Identity of the data set: name, seed and a digest of all that decides its rows.
 
-        The number of solutions is left out, so a data set can be extended.
+        The version of LMTR is part of it; the number of solutions is left out, so that a data set
+        can be extended.
         """
         digest = fingerprint(
-            self.dataset.robot, self.tasks, self.expert, self.quality, self.dataset.seed
+            __version__,
+            self.dataset.robot,
+            self.tasks,
+            self.expert,
+            self.quality,
+            self.dataset.seed,
         )
         return f"{self.dataset.name}-s{self.dataset.seed}-{digest}"
 

@@ -235,7 +235,7 @@ class _Recorder:
             "index": rollout.index,
             "seed": rollout.seed,
             "outcome": "diverged" if rollout.diverged else "completed",
-            "reason": str(rollout.outcome) if rollout.diverged else None,
+            "reason": str(rollout.ending) if rollout.diverged else None,
             "duration_s": rollout.end_time,
             "distance_m": float(path[-1] - path[0]),
             "obstacles": rollout.obstacles_W.ravel().tolist(),

@@ -2,15 +2,20 @@
 
 import json
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
 from lmtr.models import checkpoint
+from lmtr.trajectory.motion import sampled
 from lmtr.vectors.layout import SEGMENT_LAYOUT, TASK_LAYOUT
 from lmtr.vectors.segment_vector import decode_segment, encode_segment
+from pipelines import records
+from pipelines.config import load
 from services.home import Home
 from services.lake.tables import Lake
 
@@ -83,6 +88,41 @@ def test_the_report_shows_only_pictures_that_are_there(tiny_home):
         assert word in text
 
 
+def test_the_report_keeps_the_configuration_that_makes_it_again(lake, lmtr, tiny_home, tiny_config):
+    (page,) = (tiny_home / "reports").glob("*/index.html")
+    kept = page.parent / "configuration.toml"
+    assert load(str(kept)) == load(str(tiny_config))
+    assert "configuration.toml" in page.read_text()
+    before = {name: lake.version(name) for name in lake.tables()}
+    assert lmtr("run", kept, "--home", tiny_home)[0] == 0
+    assert {name: lake.version(name) for name in lake.tables()} == before
+    recorded = json.loads((page.parent / "provenance.json").read_text())
+    assert recorded["dataset"]["dataset"]["seed"] == 5
+    assert recorded["cut"]["segmentation"]["epochs_per_solution"] == 8
+    assert set(recorded["models"]) == {"unimodal", "LMTR-2"}
+
+
+def test_stages_without_a_configuration_work_on_what_is_there(lake, lmtr, tiny_home):
+    before = lake.version("evaluations")
+    assert lmtr("report", "--home", tiny_home)[0] == 0
+    status, _, err = lmtr("segment", "--home", tiny_home, "--dataset", "none")
+    assert status == 2, err
+    assert lake.version("evaluations") == before
+
+
+def test_doctor_finds_a_good_home_good_and_a_broken_tracker_bad(lmtr, tiny_home, tmp_path):
+    status, out, _ = lmtr("doctor", "--home", tiny_home)
+    assert status == 0, out
+    for word in ("casadi", "compiled experts", "table solutions", "MLflow"):
+        assert word in out
+    broken = tmp_path / "broken"
+    shutil.copytree(tiny_home, broken)
+    (broken / "mlflow.db").write_bytes(b"garbage" * 1000)
+    status, out, _ = lmtr("doctor", "--home", broken)
+    assert status == 1
+    assert "✗" in out
+
+
 def test_runs_are_logged_with_curves_metrics_and_data_version(lake, tiny_home):
     from mlflow import MlflowClient
 
@@ -115,41 +155,89 @@ def test_exported_segments_decode_and_carry_their_layouts(lmtr, tiny_home, tmp_p
     np.testing.assert_allclose(encode_segment(decode_segment(tau)), tau, rtol=1e-6, atol=1e-6)
 
 
-def test_exported_rollouts_keep_the_contract(lmtr, tiny_home, tmp_path):
+SAMPLED = {
+    "t": pa.float64(),
+    "base_pos_W": pa.list_(pa.float64()),
+    "base_rpy": pa.list_(pa.float64()),
+    "base_linvel_W": pa.list_(pa.float64()),
+    "base_angvel_W": pa.list_(pa.float64()),
+    "foot_pos_W": pa.list_(pa.float64()),
+    "foot_force_W": pa.list_(pa.float64()),
+    "foot_contact": pa.list_(pa.bool_()),
+}
+
+
+def columns_of(table):
+    return {
+        field.name: pa.list_(field.type.value_type) if pa.types.is_list(field.type) else field.type
+        for field in table.schema
+    }
+
+
+def test_exported_rollouts_keep_the_contract(lake, lmtr, tiny_home, tmp_path):
     out = tmp_path / "rollouts.parquet"
     status, _, err = lmtr("export", "rollouts", "--out", out, "--home", tiny_home)
     assert status == 0, err
     samples = pq.read_table(out)
-    footholds = pq.read_table(tmp_path / "rollouts.footholds.parquet").to_pandas()
+    footholds = pq.read_table(tmp_path / "rollouts.footholds.parquet")
     obstacles = pq.read_table(tmp_path / "rollouts.obstacles.parquet")
-    assert obstacles.column_names == ["rollout_id", "x", "y", "alpha"]
-    assert set(footholds["foot"]) == {"LF", "RF", "LH", "RH"}
-    assert (footholds["t_liftoff"] >= footholds["t_touchdown"]).all()
-    _assert_standing_feet_stand_and_swinging_feet_push_not(samples.to_pandas(), "rollout_id")
+    text, real = pa.string(), pa.float64()
+    assert columns_of(samples) == {"rollout_id": text, "replanner": text} | SAMPLED
+    assert columns_of(obstacles) == {"rollout_id": text, "x": real, "y": real, "alpha": real}
+    assert columns_of(footholds) == {"rollout_id": text, "foot": text} | dict.fromkeys(
+        ("x", "y", "t_touchdown", "t_liftoff"), real
+    )
+    holds = footholds.to_pandas()
+    assert set(holds["foot"]) == {"LF", "RF", "LH", "RH"}
+    assert (holds["t_liftoff"] >= holds["t_touchdown"]).all()
+    row = lake.read("rollouts", order_by="rollout_id", limit=1).to_pylist()[0]
+    mine = samples.to_pandas().query("rollout_id == @row['rollout_id']")
+    assert_samples_equal(mine, records.motion_of(row))
 
 
-def test_exported_solutions_keep_the_contract(lmtr, tiny_home, tmp_path):
+def test_exported_solutions_keep_the_contract(lake, lmtr, tiny_home, tmp_path):
     out = tmp_path / "solutions.parquet"
     options = ("--dt", 0.02, "--where", "accepted", "--limit", 2, "--home", tiny_home)
     status, _, err = lmtr("export", "solutions", "--out", out, *options)
     assert status == 0, err
-    frame = pq.read_table(out).to_pandas()
-    assert frame["solution_index"].nunique() == 2
-    assert np.allclose(np.diff(frame["t"])[: int(7.5 / 0.02) - 1], 0.02)
-    _assert_standing_feet_stand_and_swinging_feet_push_not(frame, "solution_index")
+    table = pq.read_table(out)
+    assert columns_of(table) == {"dataset_id": pa.string(), "solution_index": pa.int64()} | SAMPLED
+    frame = table.to_pandas()
+    indices = frame["solution_index"].unique()
+    assert len(indices) == 2
+    for index in indices:
+        row = lake.read("solutions", where=f"index = {index}").to_pylist()[0]
+        motion = sampled(records.trajectory_of(row), 0.02)
+        assert_samples_equal(frame[frame["solution_index"] == index], motion)
+        assert_feet_stand_and_push_only_in_stance(motion)
 
 
-def _assert_standing_feet_stand_and_swinging_feet_push_not(frame, key):
-    for _, motion in frame.groupby(key):
-        contact = np.stack(motion["foot_contact"])
-        position = np.stack(motion["foot_pos_W"]).reshape(len(motion), 4, 3)
-        force = np.stack(motion["foot_force_W"]).reshape(len(motion), 4, 3)
-        assert np.abs(force[~contact]).max() == 0.0
-        both = contact[1:] & contact[:-1]
-        moved = np.linalg.norm(np.diff(position, axis=0), axis=-1)
-        # A foot that touched down and lifted off between two samples stands elsewhere.
-        assert np.median(moved[both]) == 0.0
-        assert np.abs(position[..., 2][contact]).max() < 1e-6
+def assert_samples_equal(frame, motion):
+    np.testing.assert_array_equal(frame["t"], motion.times)
+    for column, expected in {
+        "base_pos_W": motion.base_position_W,
+        "base_rpy": motion.base_rpy,
+        "base_linvel_W": motion.base_velocity_W,
+        "base_angvel_W": motion.base_angular_velocity_W,
+        "foot_pos_W": motion.foot_position_W,
+        "foot_force_W": motion.foot_force_W,
+        "foot_contact": motion.contact,
+    }.items():
+        found = np.stack(frame[column])
+        np.testing.assert_array_equal(found, expected.reshape(len(found), -1), err_msg=column)
+
+
+def assert_feet_stand_and_push_only_in_stance(motion):
+    assert np.abs(motion.foot_force_W[~motion.contact]).max() == 0.0
+    holds = motion.footholds
+    for foot, place, begin, end in zip(
+        holds.foot, holds.position_W, holds.touchdown, holds.liftoff, strict=True
+    ):
+        inside = (motion.times >= begin) & (motion.times < end)
+        assert motion.contact[inside, foot].all()
+        np.testing.assert_allclose(
+            motion.foot_position_W[inside, foot], [[*place, 0.0]] * inside.sum(), atol=1e-9
+        )
 
 
 def test_pictures_of_a_solution_and_of_a_rollout(lmtr, lake, tiny_home, tmp_path):
