@@ -4,9 +4,8 @@
 ``variables`` (what is optimised), ``quantities`` (what constraints speak of, linear in the
 variables), ``constraints`` and ``costs`` (lists of small ``element`` functions, with ``gating``
 for forces and feet at a time, ``stances`` for the points of a stance's force, and ``timing`` for
-which samples meet which phases). ``assembly``
-turns elements into the solver's functions with exact derivatives, ``compilation`` into machine
-code, and ``solver`` hands them to IPOPT.
+which samples meet which phases). ``assembly`` turns elements into the solver's functions with
+exact derivatives, ``compilation`` into machine code, and ``solver`` hands them to IPOPT.
 
 Reference of the approach: Winkler et al., "Gait and trajectory optimization for legged systems
 through phase-based end-effector parameterization", RA-L 2018.
