@@ -13,6 +13,7 @@ from services.lake.queries import query as run_query
 from services.lake.queries import write_result
 
 SHOWN_ROWS = 100
+SHOWN_ITEMS = 6
 
 
 def query(workspace: Workspace, sql: str, form: str, out: Path | None) -> None:
@@ -57,7 +58,10 @@ def _cell(value: object) -> str:
         return ""
     if isinstance(value, float):
         return f"{value:.6g}"
-    if isinstance(value, list) and len(value) > 8:
-        head = ", ".join(_cell(item) for item in value[:4])
-        return f"[{head}, … {len(value)} values]"
+    if isinstance(value, tuple) and len(value) == 2:  # an entry of a map
+        return f"{value[0]}: {_cell(value[1])}"
+    if isinstance(value, list):
+        shown = [_cell(item) for item in value[:SHOWN_ITEMS]]
+        rest = [f"… {len(value)} values"] if len(value) > SHOWN_ITEMS else []
+        return f"[{', '.join([*shown, *rest])}]"
     return str(value)
