@@ -11,6 +11,7 @@ from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from lmtr import __version__
 from lmtr.expert.compilation import COMPILERS
@@ -61,7 +62,7 @@ def examine(root: Path, config: Configuration) -> bool:
     for look in _LOOKS:
         for finding in look(root, config.cluster):
             mark = "✗" if finding.fatal else "!" if finding.mend else "✓"
-            table.add_row(mark, finding.subject, finding.state, finding.mend)
+            table.add_row(mark, *map(Text, (finding.subject, finding.state, finding.mend)))
             healthy = healthy and not finding.fatal
     Console().print(table)
     return healthy

@@ -6,6 +6,7 @@ from pathlib import Path
 import pyarrow as pa
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from lmtr.errors import ConfigurationError
 from pipelines.workspace import Workspace
@@ -42,9 +43,9 @@ def _show(result: pa.Table) -> None:
     table = Table(header_style="bold")
     for field in result.schema:
         numeric = pa.types.is_integer(field.type) or pa.types.is_floating(field.type)
-        table.add_column(field.name, justify="right" if numeric else "left", overflow="fold")
+        table.add_column(Text(field.name), justify="right" if numeric else "left", overflow="fold")
     for row in result.slice(0, SHOWN_ROWS).to_pylist():
-        table.add_row(*(_cell(value) for value in row.values()))
+        table.add_row(*(Text(_cell(value)) for value in row.values()))
     console = Console()
     console.print(table)
     if result.num_rows > SHOWN_ROWS:

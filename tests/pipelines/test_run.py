@@ -240,6 +240,17 @@ def assert_feet_stand_and_push_only_in_stance(motion):
         )
 
 
+def test_a_table_shows_lists_maps_and_brackets_as_they_are(lmtr, tiny_home):
+    sql = (
+        "SELECT [1, 2] AS list, MAP {'height': 0.25} AS map, '[bold]text' AS text, "
+        "range(100) AS long"
+    )
+    status, out, err = lmtr("query", sql, "--home", tiny_home)
+    assert status == 0, err
+    for shown in ("[1, 2]", "[height: 0.25]", "[bold]text", "100 values"):
+        assert shown in " ".join(out.replace("│", " ").split())
+
+
 def test_pictures_of_a_solution_and_of_a_rollout(lmtr, lake, tiny_home, tmp_path):
     rollout = lake.query_value("SELECT min(rollout_id) FROM rollouts")
     for what, name in (("solution", "0"), ("rollout", rollout)):
