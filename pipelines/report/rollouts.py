@@ -7,6 +7,7 @@ import numpy as np
 from lmtr.figures.motion_figure import motion_figure
 from lmtr.figures.snapshots import snapshots
 from lmtr.robot.model import RobotModel
+from lmtr.rollout.record import Ending
 from pipelines import records
 from pipelines.report.page import Picture, Section, Table, Text
 from pipelines.report.results import Evaluation
@@ -30,9 +31,9 @@ def rollout_section(
         if len(row["t"]) < 2:
             blocks.append(Text(f"{evaluation.label}: every rollout diverged in its first plan."))
             continue
-        end = f"{row['duration_s']:.1f} s, {row['distance_m']:.1f} m"
+        end = f"{row['duration_s']:.1f} s, {row['distance_m']:.1f} m."
         if row["outcome"] == "diverged":
-            end += f", diverged: {row['reason']}"
+            end += f" It diverged: {Ending(row['reason']).describe()}"
         blocks.append(
             Picture(
                 f"rollout-{number}",
@@ -41,7 +42,7 @@ def rollout_section(
                     records.obstacles_of(row),
                     f"{evaluation.label}: course {row['index']}",
                 ),
-                f"{evaluation.label} ({end}). Dots: base every 0.1 s; crosses: footholds; grey: "
+                f"{evaluation.label}: {end} Dots: base every 0.1 s; crosses: footholds; grey: "
                 "obstacle lines. Bars: stance; white boxes: swing.",
                 f"Top view and gait diagram of a rollout of {evaluation.label}.",
             )
