@@ -101,6 +101,15 @@ class TrainingSection(Settings):
             )
         return value
 
+    @field_validator("latent", "seeds")
+    @classmethod
+    def _none_twice(cls, values: tuple[int, ...], info: ValidationInfo) -> tuple[int, ...]:
+        if len(set(values)) < len(values):
+            raise ValueError(
+                f"{info.field_name} must name each value once, got {list(values)}; drop repetitions"
+            )
+        return values
+
     @model_validator(mode="after")
     def _every_model_is_possible(self) -> "TrainingSection":
         for latent in self.latent:

@@ -158,11 +158,21 @@ def _evaluate_missing(
         for outcome in cluster.stream(make_worker, missing):
             if outcome.error is None:
                 record(outcome.item, outcome.value)
+                say(f"evaluate: {outcome.item.evaluation_id}: {_result(outcome.value)}")
             else:
                 failed.append(f"{outcome.item.label} ({outcome.error})")
             progress.advance(note=outcome.item.label)
     if failed:
         raise ModelError(f"evaluate: failed for {'; '.join(failed)}; the others are kept")
+
+
+def _result(tried: Tried) -> str:
+    """The finding in a few words."""
+    found = tried.summary.performance
+    return (
+        f"{100 * found.close_share.value:.1f} % close steps, "
+        f"{1e3 * found.mean_violation.value:.2f} mm violation, {tried.summary.diverged} diverged"
+    )
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from lmtr.errors import ConfigurationError
 from lmtr.robot.model import FEET
 from lmtr.trajectory.motion import Motion, sampled
 from lmtr.vectors.layout import SEGMENT_LAYOUT, TASK_LAYOUT
@@ -53,7 +54,12 @@ def export_solutions(
     """Write one row per solution and sample time; returns the number of rows.
 
     Solutions without a trajectory (their work failed) have no samples.
+
+    Raises:
+        ConfigurationError: ``dt`` is not finite.
     """
+    if not np.isfinite(dt):
+        raise ConfigurationError(f"export: --dt must be a finite time, got {dt}; name seconds")
     rows = _rows(workspace, "solutions", "dataset_id, index", where, limit)
     with _parquet(out, SOLUTIONS) as file:
         for row in rows:

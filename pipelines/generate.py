@@ -63,7 +63,7 @@ def generate(config: Configuration, workspace: Workspace) -> str:
         present = _present(workspace, dataset_id)
         missing = [i for i in range(config.dataset.solutions) if i not in present]
         if not missing:
-            say(f"generate: {dataset_id} has its {config.dataset.solutions} solutions already")
+            say(f"generate: {dataset_id} has {len(present)} solutions already, nothing to do")
             return dataset_id
         _prepare_expert(config, workspace.home.cache)
         writer = _Writer(workspace, dataset_id)

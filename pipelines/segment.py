@@ -1,8 +1,11 @@
 """Stage 2: cut accepted solutions into segments (x, τ)."""
 
+from collections import Counter
+
 import numpy as np
 import pyarrow as pa
 
+from lmtr.errors import DataError
 from lmtr.segmentation.segment import Segments, segment_solution
 from lmtr.segmentation.split import in_validation
 from lmtr.streams import Purpose, stream
@@ -22,6 +25,7 @@ def segment(config: Configuration, workspace: Workspace, dataset_id: str) -> Non
     lake, cut = workspace.lake, config.segmentation_id
     with workspace.home.lock(f"segment-{dataset_id}"):
         _register(config, workspace, dataset_id)
+        _require_accepted(workspace, dataset_id)
         missing = _missing(workspace, dataset_id, cut)
         seed = configuration_of(workspace, dataset_id).dataset.seed
         made = 0
@@ -56,6 +60,23 @@ def _register(config: Configuration, workspace: Workspace, dataset_id: str) -> N
 def selection(dataset_id: str, segmentation_id: str) -> str:
     """SQL condition for the segments of one data set, cut one way."""
     return f"dataset_id = '{dataset_id}' AND segmentation_id = '{segmentation_id}'"
+
+
+def _require_accepted(workspace: Workspace, dataset_id: str) -> None:
+    where = f"dataset_id = '{dataset_id}'"
+    verdicts = workspace.lake.values("solutions", "accepted", where)
+    if any(verdicts):
+        return
+    reasons = Counter(
+        reason
+        for found in workspace.lake.values("solutions", "reject_reasons", where)
+        for reason in found
+    )
+    why = ", ".join(f"{reason} {count}" for reason, count in reasons.most_common(3))
+    raise DataError(
+        f"data set {dataset_id!r}: none of its {len(verdicts)} solutions is accepted ({why}); "
+        "change [expert] or [quality], or generate more"
+    )
 
 
 def _missing(workspace: Workspace, dataset_id: str, cut: str) -> list[int]:

@@ -20,7 +20,7 @@ def show_solution(
 ) -> list[Path]:
     """Draw a solution named INDEX (newest data set) or DATASET/INDEX; returns the files."""
     dataset_name, _, index = name.rpartition("/")
-    if not index.isdigit():
+    if not (index.isascii() and index.isdecimal()):
         raise ConfigurationError(
             f"solution {name!r} must be an index such as 7, or DATASET/INDEX; see "
             '`lmtr query "SELECT dataset_id, index, status FROM solutions"`'
@@ -31,8 +31,8 @@ def show_solution(
     ).to_pylist()
     if not rows:
         raise DataError(
-            f"solution {index} is not in data set {dataset_id!r}; make it with "
-            f"`lmtr generate --solutions {int(index) + 1}`"
+            f"solution {index} is not in data set {dataset_id!r}; extend that set with "
+            f"`lmtr generate --solutions {int(index) + 1}` and the settings it was made with"
         )
     row = rows[0]
     if not row["base_nodes"]:

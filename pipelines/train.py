@@ -96,6 +96,7 @@ def _train_missing(workspace: Workspace, data: LearningData, missing: list[Job])
             if outcome.error is None:
                 _record(workspace, experiment, data, job, outcome.value)
                 progress.advance(note=_result(outcome.value))
+                say(f"train: {job.model_id}: {_result(outcome.value)}")
             else:
                 failed.append(f"{job.model_id} ({outcome.error})")
                 progress.advance(note=f"{job.model.name} failed")

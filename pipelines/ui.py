@@ -1,7 +1,10 @@
 """MLflow's web page on the runs of a home."""
 
 import os
+import signal
+import socket
 import subprocess
+from types import FrameType
 
 from pipelines.progress import say
 from pipelines.workspace import Workspace
@@ -10,22 +13,44 @@ from services.tracking import ui_command, ui_environment
 
 
 def serve(workspace: Workspace, port: int) -> None:
-    """Serve the page on this machine until Ctrl-C.
+    """Serve the page on this machine until Ctrl-C or SIGTERM.
 
     Raises:
-        TrackingError: The server could not be started, or ended by itself.
+        TrackingError: The port is taken, or the server ended by itself.
     """
-    say(f"MLflow on http://127.0.0.1:{port} (Ctrl-C stops it)")
+    _require_free(port)
+    tracker = workspace.tracker
+    experiment = tracker.experiment("evaluation")
+    # Without the last part MLflow opens on its pages for language models.
+    page = f"http://127.0.0.1:{port}/#/experiments/{experiment}/runs"
+    say(f"MLflow: {page}?workflowType=machine_learning (Ctrl-C stops it)")
     environment = {**os.environ, **ui_environment()}
-    server = subprocess.Popen(ui_command(workspace.home, port), env=environment)
+    server = subprocess.Popen(
+        ui_command(workspace.home, port), env=environment, start_new_session=True
+    )
+    signal.signal(signal.SIGTERM, _interrupt)
     try:
         status = server.wait()
     except KeyboardInterrupt:
-        server.terminate()
+        # The server has children of its own, and all of them hold the port.
+        os.killpg(server.pid, signal.SIGTERM)
         server.wait(timeout=20)
         return
-    if status != 0:
-        raise TrackingError(
-            f"ui: MLflow's server ended with status {status}; see its words above, or try another "
-            f"--port than {port}"
-        )
+    raise TrackingError(
+        f"ui: MLflow's server ended by itself with status {status}; its words above say why"
+    )
+
+
+def _require_free(port: int) -> None:
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("127.0.0.1", port))
+        except OSError as error:
+            raise TrackingError(
+                f"ui: port {port} cannot be used ({error.strerror}); name another --port"
+            ) from error
+
+
+def _interrupt(_signal: int, _frame: FrameType | None) -> None:
+    raise KeyboardInterrupt

@@ -12,11 +12,16 @@ from services.errors import OutputError
 def whole_file(path: Path) -> Iterator[Path]:
     """Give a path to write to, which takes the place of ``path`` when the block ends well.
 
-    Folders are made as needed. After an error nothing is left, and what stood at ``path`` stays.
+    Folders are made as needed. After an error nothing is left, and what stood at ``path`` stays. A
+    link is followed: the file that it leads to is replaced.
 
     Raises:
-        OutputError: The file cannot be written, the disk being full included.
+        OutputError: The file cannot be written, the disk being full included, or something that is
+            no regular file has its name.
     """
+    path = path.resolve()
+    if path.exists() and not path.is_file():
+        raise OutputError(f"{path} exists and is no regular file; name another file")
     partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -8,6 +8,7 @@ import errno
 import fcntl
 import json
 import os
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -110,6 +111,21 @@ class Home:
             file.write(str(os.getpid()))
             file.flush()
             yield
+
+    def require_writable(self) -> None:
+        """Refuse a home that nothing can be written to, before any work is done.
+
+        Raises:
+            HomeError: It is read-only, or the disk is full.
+        """
+        try:
+            with tempfile.TemporaryFile(dir=self.root) as file:
+                file.write(b"?")
+        except OSError as error:
+            raise HomeError(
+                f"home {self.root} cannot be written to ({error.strerror}); mend its permissions, "
+                "make room, or name another --home"
+            ) from error
 
     def _claim(self, create: bool) -> None:
         """Check the marker, or set it on a folder that is missing or empty."""

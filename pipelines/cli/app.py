@@ -51,9 +51,15 @@ care.register(app)
 def main() -> None:
     """Run the command line; faults that a user can mend are one line and exit status 2."""
     try:
-        sys.exit(app(args=sys.argv[1:] or ["--help"], standalone_mode=False))
+        status = app(args=sys.argv[1:] or ["--help"], standalone_mode=False)
+        if status == EXIT_INTERRUPTED:  # Typer's own word for Ctrl-C
+            raise KeyboardInterrupt
+        sys.exit(status)
     except (LmtrError, ServiceError) as error:
         _complain(str(error))
+        sys.exit(EXIT_BAD_INPUT)
+    except OSError as error:
+        _complain(f"{error}; make room or mend permissions, and run the same command to go on")
         sys.exit(EXIT_BAD_INPUT)
     except TyperException as error:
         _complain(f"{error.format_message().rstrip('.')}; see `lmtr --help`")

@@ -25,7 +25,7 @@ def ui(
     """Open MLflow's web page on the runs of the home (stop it with Ctrl-C)."""
     from pipelines.ui import serve
 
-    serve(options.workspace(ctx, home, create=False), port)
+    serve(options.archive(ctx, home), port)
 
 
 def doctor(

@@ -70,7 +70,7 @@ def query(
     """
     from pipelines.query import query as ask
 
-    ask(options.workspace(ctx, home, create=False), sql, str(form), out)
+    ask(options.archive(ctx, home), sql, str(form), out)
 
 
 def export(
@@ -78,7 +78,7 @@ def export(
     what: Annotated[Exported, typer.Argument(help="What to export.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="Parquet file to write.")],
     dt: Annotated[
-        float, typer.Option("--dt", help="Sample time of solutions (s).", min=1e-4)
+        float, typer.Option("--dt", help="Sample time of solutions (s).", min=1e-4, max=10.0)
     ] = 0.01,
     where: Annotated[
         str | None, typer.Option("--where", help="SQL condition on the rows, e.g. 'accepted'.")
@@ -91,7 +91,7 @@ def export(
     """Write solutions, segments or rollouts to Parquet, sampled and in SI units (docs/data.md)."""
     from pipelines.export import export_rollouts, export_segments, export_solutions
 
-    space = options.workspace(ctx, home, create=False)
+    space = options.archive(ctx, home)
     count = {
         Exported.SOLUTIONS: lambda: export_solutions(space, out, dt, where, limit),
         Exported.SEGMENTS: lambda: export_segments(space, out, where, limit),
@@ -126,7 +126,7 @@ def show(
     """Draw a solution or a rollout: top view, gait diagram, and an animation."""
     from pipelines.show import show_rollout, show_solution
 
-    space = options.workspace(ctx, home, create=False)
+    space = options.archive(ctx, home)
     draw = show_solution if what is Shown.SOLUTION else show_rollout
     for path in draw(space, name, out, animation_format=str(form) if animation else None):
         typer.echo(path)

@@ -77,11 +77,17 @@ def configuration(
 
 
 def workspace(
-    ctx: typer.Context, home: Path | None, config: Configuration | None = None, *, create: bool
+    ctx: typer.Context, home: Path | None, config: Configuration, *, create: bool = False
 ) -> Workspace:
-    """The workspace that the options name."""
-    cluster = config.cluster if config is not None else Configuration().cluster
-    return Workspace.open(resolve_home(ctx, home), cluster, create=create)
+    """The workspace that the options name, for a command that writes to it."""
+    space = Workspace.open(resolve_home(ctx, home), config.cluster, create=create)
+    space.home.require_writable()
+    return space
+
+
+def archive(ctx: typer.Context, home: Path | None) -> Workspace:
+    """The workspace that the options name, for a command that only reads it."""
+    return Workspace.open(resolve_home(ctx, home), Configuration().cluster, create=False)
 
 
 def dataset_id(

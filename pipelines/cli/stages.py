@@ -87,7 +87,7 @@ def segment(
     from pipelines.segment import segment as cut
 
     settings = options.configuration(config, overrides)
-    space = options.workspace(ctx, home, settings, create=False)
+    space = options.workspace(ctx, home, settings)
     cut(settings, space, options.dataset_id(space, settings, config, dataset))
 
 
@@ -114,7 +114,7 @@ def train(
         training__latent=f"[{latent}]" if latent is not None else None,
         cluster__workers=workers,
     )
-    space = options.workspace(ctx, home, settings, create=False)
+    space = options.workspace(ctx, home, settings)
     fit(settings, space, options.learning_data(space, settings, config, dataset))
 
 
@@ -135,7 +135,7 @@ def evaluate(
     settings = options.configuration(
         config, overrides, evaluation__rollouts=rollouts, cluster__workers=workers
     )
-    space = options.workspace(ctx, home, settings, create=False)
+    space = options.workspace(ctx, home, settings)
     roll_out(settings, space, options.learning_data(space, settings, config, dataset))
 
 
@@ -150,5 +150,5 @@ def report(
     from pipelines.report import report as write
 
     settings = options.configuration(config, overrides)
-    space = options.workspace(ctx, home, settings, create=False)
+    space = options.workspace(ctx, home, settings)
     typer.echo(write(space, options.learning_data(space, settings, config, dataset)))

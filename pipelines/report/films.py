@@ -62,7 +62,7 @@ def _film(
     return Picture(
         name,
         path,
-        f"{title}: ground reactions (red) within their friction pyramids, ranges of motion (blue "
-        "boxes), footholds (crosses), obstacle lines (grey).",
+        f"{title}: ground reactions (red), friction pyramids, ranges of motion (blue boxes), "
+        "footholds (crosses), obstacle lines (grey).",
         f"Film of {title}.",
     )

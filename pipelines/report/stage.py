@@ -1,6 +1,7 @@
 """The report as a stage: read, draw, and put the page in its place when it is whole."""
 
 import json
+import shlex
 import shutil
 import tempfile
 from collections.abc import Sequence
@@ -180,7 +181,7 @@ def _reproduce(workspace: Workspace, data: LearningData, config: Configuration |
     again = f"{home} report --dataset {data.dataset_id}"
     if config is not None:
         file = short(workspace.home.reports / data.dataset_id / CONFIGURATION)
-        again = f"{home} run {file}"
+        again = f"{home} run {shlex.quote(str(file))}"
     return [
         again,
         f'{home} query "SELECT status, accepted, count(*) FROM solutions GROUP BY ALL"',

@@ -48,6 +48,10 @@ def evaluated(views: Mapping[str, pads.Dataset], sql: str) -> Iterator[duckdb.Du
             _require_one_reading(sql)
             relation = connection.sql(sql)
             yield relation
+        except RuntimeError as error:
+            if "interrupted" in str(error).lower():  # DuckDB's own answer to Ctrl-C
+                raise KeyboardInterrupt from error
+            raise
         except (duckdb.Error, pa.ArrowException) as error:
             raise LakeError(f"query: {explained(str(error), sorted(views))}") from error
 

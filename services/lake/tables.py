@@ -120,7 +120,7 @@ class Lake:
             LakeError: The table, version or a column is missing, or the SQL is wrong.
         """
         schema = self._chosen(table, columns)
-        views = {table: self._dataset(table, version)}
+        views = self._views_for(table, where, version)
         statement = _select(schema.names, table, where, order_by, limit)
         with evaluated(views, statement) as relation:
             return relation.to_arrow_table().cast(schema)
@@ -136,7 +136,7 @@ class Lake:
     ) -> Iterator[pa.Table]:
         """The same a few rows at a time, for tables that are larger than the memory."""
         schema = self._chosen(table, columns)
-        views = {table: self._dataset(table, version)}
+        views = self._views_for(table, where, version)
         statement = _select(schema.names, table, where, order_by, limit)
         with evaluated(views, statement) as relation:
             for batch in relation.to_arrow_reader(BATCH_ROWS):
@@ -238,6 +238,13 @@ class Lake:
                 raise_if_key_not_exists=False,
             )
         return self._open(table)
+
+    def _views_for(
+        self, table: str, where: str | None, version: int | None
+    ) -> dict[str, pads.Dataset]:
+        """The table, and all others where a condition may ask for them."""
+        asked = where is not None and "select" in where.lower()
+        return (self.views() if asked else {}) | {table: self._dataset(table, version)}
 
     def _dataset(self, table: str, version: int | None) -> pads.Dataset:
         return self._open(table, version).to_pyarrow_dataset()

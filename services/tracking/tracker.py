@@ -10,13 +10,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from services.tracking.moved import SQLITE, follow_moved_artifacts
 from services.tracking.page import QUIET
 from services.tracking.run import Run, flat, reported
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
 
-SQLITE = "sqlite:///"
 
 NOISY_LOGGERS = ("alembic", "mlflow.store.db.utils", "mlflow.utils.validation")
 
@@ -110,6 +110,7 @@ class Tracker:
         with _alone(self.uri):
             client = MlflowClient(tracking_uri=self.uri)
             client.search_experiments(max_results=1)
+            follow_moved_artifacts(self.uri, self.artifacts)
         return client
 
 

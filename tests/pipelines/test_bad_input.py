@@ -73,7 +73,7 @@ def test_bad_queries(lmtr, tiny_home, sql, words):
 @pytest.mark.parametrize(
     ("command", "words"),
     [
-        (["show", "solution", "999"], ["999", "lmtr generate --solutions 1000"]),
+        (["show", "solution", "999"], ["999", "--solutions 1000"]),
         (["show", "solution", "first"], ["first", "index"]),
         (["show", "rollout", "none"], ["none", "rollout_id"]),
         (["show", "solution", "0", "--format", "avi"], ["avi"]),
