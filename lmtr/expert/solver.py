@@ -3,7 +3,11 @@
 CasADi brings IPOPT, MUMPS and an OpenBLAS of its own.
 """
 
+import signal
+import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import casadi as ca
@@ -91,11 +95,14 @@ class InteriorPoint:
         self._threads = threadpoolctl.ThreadpoolController()
 
     def solve(self, start: Array, parameters: Array) -> Outcome:
-        """Solve from ``start``; failures of any kind are outcomes."""
+        """Solve from ``start``; failures of any kind are outcomes.
+
+        Ctrl-C takes effect when the solve is over.
+        """
         begin = time.process_time()
         try:
             # The fronts of one solve are too small to share: more threads would only spin.
-            with self._threads.limit(limits=1):
+            with _interrupt_held(), self._threads.limit(limits=1):
                 result = self._solver(x0=start, p=parameters, **self._bounds)
         except RuntimeError as error:
             message = " ".join(str(error).split())
@@ -110,6 +117,27 @@ class InteriorPoint:
             iterate=np.array(result["x"]).reshape(-1),
             cpu_s=seconds,
         )
+
+
+@contextmanager
+def _interrupt_held() -> Iterator[None]:
+    """Hold SIGINT back until the block is left, then hand it to the handler it was meant for.
+
+    CasADi swallows what a handler raises, and IPOPT would call an interrupted solve a failed one.
+    Only the main thread runs handlers; a handler that Python did not set cannot be put back.
+    """
+    before = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or before is None:
+        yield
+        return
+    came = threading.Event()
+    signal.signal(signal.SIGINT, lambda *_: came.set())
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        if came.is_set():
+            signal.raise_signal(signal.SIGINT)
 
 
 def _ipopt_options(settings: SolverSettings) -> dict[str, float | int | str]:

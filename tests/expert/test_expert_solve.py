@@ -1,5 +1,9 @@
 """Solutions of the expert: they converge, keep their promises, and fail as values."""
 
+import os
+import signal
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields, replace
 
 import numpy as np
@@ -179,6 +183,44 @@ def test_a_non_finite_start_gives_back_the_guess(short_expert, monkeypatch, near
     solution = short_expert.solve(task, noise)
     np.testing.assert_array_equal(solution.trajectory.base_nodes, solution.guess.base_nodes)
     assert np.isfinite(solution.cost)
+
+
+@pytest.fixture
+def ctrl_c():
+    """Sends a real SIGINT to this process soon after it is started."""
+    before = signal.getsignal(signal.SIGINT)
+    sender = threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT))
+    yield sender
+    sender.cancel()
+    signal.signal(signal.SIGINT, before)
+
+
+def test_ctrl_c_during_a_solve_interrupts_and_is_no_outcome(solved_tasks, long_expert, ctrl_c):
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    ctrl_c.start()
+    with pytest.raises(KeyboardInterrupt):
+        long_expert.solve(solved_tasks[0].task, solved_tasks[0].noise)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_an_interrupt_that_its_handler_lets_pass_leaves_the_solution_alone(
+    solved_tasks, long_expert, ctrl_c
+):
+    received = []
+    signal.signal(signal.SIGINT, lambda number, _: received.append(number))
+    ctrl_c.start()
+    first = solved_tasks[0]
+    again = long_expert.solve(first.task, first.noise)
+    assert received == [signal.SIGINT]
+    assert again.status == Status.CONVERGED, again.message
+    assert again.cost == first.solution.cost
+
+
+def test_solves_outside_the_main_thread_leave_the_handler_alone(short_expert, nearby, monkeypatch):
+    monkeypatch.setattr(signal, "signal", None)
+    with ThreadPoolExecutor(1) as pool:
+        solution = pool.submit(short_expert.solve, *nearby(0)).result()
+    assert solution.status == Status.CONVERGED, solution.message
 
 
 def test_a_single_swing_per_leg_is_a_problem_too():
