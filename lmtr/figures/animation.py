@@ -114,22 +114,23 @@ class _Film:
         self.centres_W = _smoothed(self.motion.times, self.motion.base_position_W[:, :2])
         self.pace = "" if settings.speed == 1.0 else f", shown at {settings.speed:g}× speed"
         self.resolution = settings.resolution
-        self._build(title)
+        self._build(title, motion)
 
     def __len__(self) -> int:
         return len(self.motion.times)
 
     @styled
-    def _build(self, title: str) -> None:
+    def _build(self, title: str, motion: Motion) -> None:
         """Lay out view, gait diagram, headline and legend."""
         self.figure = Figure(figsize=(7.2, 5.8), dpi=self.resolution)
         self.canvas = FigureCanvasAgg(self.figure)
         self.view: Axes = self.figure.add_axes((0.0, 0.305, 1.0, 0.65))
         self.gait: Axes = self.figure.add_axes((0.085, 0.195, 0.89, 0.13))
-        draw_gait(self.gait, self.motion)
+        draw_gait(self.gait, motion)
         self.now = self.gait.axvline(self.span[0], color="black", lw=1.6, zorder=5.0)
-        self.figure.text(0.012, 0.962, title, weight="bold", size=11)
-        self.clock = self.figure.text(0.988, 0.962, "", ha="right", size=10)
+        # A headline may take the whole width, and two lines; the clock is below them.
+        self.figure.text(0.012, 0.99, title, va="top", weight="bold", size=11, wrap=True)
+        self.clock = self.figure.text(0.988, 0.905, "", ha="right", va="top", size=10)
         self.figure.legend(
             handles=scene_key(self.scene.robot),
             loc="lower center",

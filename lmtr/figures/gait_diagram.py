@@ -5,6 +5,7 @@ from itertools import pairwise
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
+from lmtr.figures.resample import ROUNDING
 from lmtr.figures.style import FOOT_COLOURS, INK
 from lmtr.robot.model import FEET
 from lmtr.trajectory.motion import Footholds, Motion
@@ -15,7 +16,7 @@ BAR_HEIGHT = 0.72
 def draw_gait(axes: Axes, motion: Motion) -> None:
     """Draw the gait diagram of a motion, feet from top to bottom in their usual order."""
     for row, foot in enumerate(FEET):
-        stances, swings = phases(motion.footholds, row)
+        stances, swings = phases(motion.footholds, row, float(motion.times[-1]))
         place = (row - BAR_HEIGHT / 2.0, BAR_HEIGHT)
         axes.broken_barh(
             [(begin, end - begin) for begin, end in stances],
@@ -51,12 +52,17 @@ def phase_key() -> list[Patch]:
 
 
 def phases(
-    footholds: Footholds, foot: int
+    footholds: Footholds, foot: int, end: float
 ) -> tuple[list[tuple[float, float]], list[tuple[float, float]]]:
-    """Stances of a foot, and the swings between them, as (begin, end) in s, by time."""
+    """Stances of a foot, and the swings after them, as (begin, end) in s, by time.
+
+    A swing that the motion's ``end`` (s) cuts short lasts until then.
+    """
     mine = footholds.foot == foot
     stances = sorted(
         zip(footholds.touchdown[mine].tolist(), footholds.liftoff[mine].tolist(), strict=True)
     )
     swings = [(before[1], after[0]) for before, after in pairwise(stances)]
+    if stances and stances[-1][1] <= end - ROUNDING:
+        swings.append((stances[-1][1], end))
     return stances, swings

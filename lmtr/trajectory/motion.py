@@ -22,7 +22,8 @@ class Footholds:
         foot: Index of the foot in LF, RF, LH, RH, (K,).
         position_W: x, y on the ground, (K, 2) in m.
         touchdown: Start of the stance, (K,) in s; that of the first stance is the motion's start.
-        liftoff: End of the stance, (K,) in s; that of the last stance is the motion's end.
+        liftoff: End of the stance, (K,) in s; that of the last stance is the motion's end, unless
+            the foot swings there.
     """
 
     foot: Indices

@@ -81,6 +81,22 @@ def test_forces_are_red_while_feet_stand(walk, tmp_path):
     assert red(path) > red(bare) + 10
 
 
+def test_a_long_headline_leaves_the_clock_readable(walk, tmp_path):
+    motion, lines = walk
+    title = "Rollout 12 of evaluation-0123456789ab on course 3, seed 1: LMTR-32-vicinity, diverged"
+
+    def clock(name, headline):
+        path = animate(motion, lines, ANYMAL, tmp_path / name, headline, AnimationSettings(fps=5))
+        with Image.open(path) as film:
+            page = np.asarray(film.convert("L"))
+        assert (page[:54, -4:] == 255).all()  # nothing runs off the page
+        return page[54:72, 540:]
+
+    alone, beside = clock("short.gif", ""), clock("long.gif", title)
+    assert (alone < 128).sum() > 100
+    np.testing.assert_array_equal(alone < 128, beside < 128)
+
+
 def test_other_endings_and_missing_ffmpeg_are_refused(walk, tmp_path, monkeypatch):
     motion, lines = walk
     with pytest.raises(ConfigurationError, match=r"\.gif or \.mp4, got 'walk\.avi'"):

@@ -156,6 +156,29 @@ def test_bars_of_the_gait_diagram_are_the_phases():
     assert axes.yaxis_inverted()  # the first foot is on top
 
 
+def cut_short(motion, end):
+    """The motion until ``end`` (s) as a rollout records it: nothing is known of what comes after."""
+    kept = motion.times <= end + 1e-9
+    samples = {name: array[kept] for name, array in vars(motion).items() if name != "footholds"}
+    begun = motion.footholds.touchdown <= end
+    footholds = Footholds(**{name: array[begun] for name, array in vars(motion.footholds).items()})
+    until = np.minimum(footholds.liftoff, end)
+    return Motion(**samples, footholds=dataclasses.replace(footholds, liftoff=until))
+
+
+def test_a_swing_that_the_end_cuts_short_is_a_box_until_then():
+    motion = cut_short(trot(), 1.15)  # the first and the last foot have swung since 1.0 s
+    axes = Figure().subplots()
+    draw_gait(axes, motion)
+    bars = {c.get_label(): [p.get_extents() for p in c.get_paths()] for c in axes.collections}
+    for k, foot in enumerate(FEET):
+        last = max(bars[f"{foot} swing"], key=lambda box: box.x1)
+        expected = (1.0, 1.15) if k in (0, 3) else (0.6, 0.9)
+        np.testing.assert_allclose((last.x0, last.x1), expected)
+        widths = [box.width for phase in ("stance", "swing") for box in bars[f"{foot} {phase}"]]
+        assert sum(widths) == pytest.approx(1.15)
+
+
 def test_footholds_in_any_order_give_the_same_gait_diagram():
     motion = trot()
     back = Footholds(**{k: v[::-1] for k, v in vars(motion.footholds).items()})
@@ -254,3 +277,12 @@ def test_between_coarse_samples_no_foot_slides_or_pushes_at_the_air():
         standing = fine.foot_position_W[fine.contact[:, k], k, :2]
         nearest = np.linalg.norm(standing[:, None] - holds, axis=-1).min(axis=1)
         np.testing.assert_allclose(nearest, 0.0, atol=1e-12)
+
+
+def test_feet_stand_at_the_end_only_if_their_stance_lasts_until_then():
+    motion = cut_short(trot(), 1.15)
+    again = resampled(motion, np.array([0.95, 1.05, 1.15]))
+    np.testing.assert_array_equal(again.contact[0], True)
+    np.testing.assert_array_equal(again.contact[1:], [[False, True, True, False]] * 2)
+    assert not again.foot_force_W[1:, [0, 3]].any()
+    assert (again.foot_force_W[1:, [1, 2], 2] > 0.0).all()
