@@ -35,7 +35,7 @@ class SolveWorker:
         noise = sample_noise(config.tasks, config.expert.scope.n_swings, rng)
         solution = self._expert.solve(task, noise)
         violations = measure(solution.trajectory, robot, task.obstacles_W)
-        expected = expected_cost(task, robot, config.quality)
+        expected = expected_cost(task, robot, config.expert.cost_key, config.quality)
         verdict = judge(str(solution.status), solution.cost, expected, violations, config.quality)
         return {
             **identity(config, index),

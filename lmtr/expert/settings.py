@@ -1,5 +1,7 @@
 """Settings of the expert: its scope, the weights of its costs, its limits and its solver."""
 
+import hashlib
+import json
 from typing import Annotated
 
 from pydantic import model_validator
@@ -182,6 +184,15 @@ class ExpertSettings(Settings):
     limits: Limits = Limits()
     range_of_motion_step: Positive = 0.05
     solver: SolverSettings = SolverSettings()
+
+    @property
+    def cost_key(self) -> str:
+        """Short digest of what the cost of a walk depends on: scope and all weights.
+
+        Costs of solutions can be compared where it is the same.
+        """
+        parts = self.model_dump(include={"scope", "costs", "obstacle_weight", "obstacle_sigma"})
+        return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:12]
 
     @property
     def samples_per_knot(self) -> int:

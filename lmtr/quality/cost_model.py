@@ -32,6 +32,8 @@ class CostModel(Settings):
 
     Attributes:
         robot: Name of the robot that it was fitted for; nothing is expected of others.
+        cost_key: Digest of the scope and cost weights that it was fitted for, as the expert's
+            settings give it; nothing is expected of others.
         intercept: Cost of a task whose features are all zero.
         distance_squared: Per square metre of the distance from start to goal.
         lateral: Per metre that the goal lies beside the start's x axis.
@@ -41,6 +43,7 @@ class CostModel(Settings):
     """
 
     robot: str
+    cost_key: str
     intercept: NonNegative
     distance_squared: NonNegative
     lateral: NonNegative
@@ -71,7 +74,7 @@ def task_features(task: Task, robot: RobotModel) -> Array:
     )
 
 
-def fit_cost_model(features: Array, costs: Array, robot: str) -> CostModel | None:
+def fit_cost_model(features: Array, costs: Array, robot: str, cost_key: str) -> CostModel | None:
     """Fit the expectation to converged solves, with little regard to outliers.
 
     Residuals beyond the typical one count by their size instead of their square, so the poor
@@ -81,6 +84,7 @@ def fit_cost_model(features: Array, costs: Array, robot: str) -> CostModel | Non
         features: Of n tasks, (n, 5).
         costs: Of their solutions, (n,).
         robot: Name of the robot.
+        cost_key: Digest of the expert's scope and cost weights.
 
     Returns:
         The model; none if there are too few solves to fit six coefficients.
@@ -111,11 +115,14 @@ def fit_cost_model(features: Array, costs: Array, robot: str) -> CostModel | Non
             f_scale=typical,
         ).x
     names = ("intercept", *FEATURES)
-    return CostModel(robot=robot, **dict(zip(names, fitted.tolist(), strict=True)))
+    return CostModel(
+        robot=robot, cost_key=cost_key, **dict(zip(names, fitted.tolist(), strict=True))
+    )
 
 
 DEFAULT_COST_MODEL = CostModel(
     robot="anymal",
+    cost_key="939a547c318d",
     intercept=0.65,
     distance_squared=0.227,
     lateral=0.0,

@@ -71,8 +71,8 @@ class QualityThresholds(Settings):
         tilt: Largest roll or pitch (rad) [0.12, 0.25].
         obstacle_clearance: Least distance of a foothold to a line (m) [0.19, 0.065]: what counts
             as a close step of a replanner is nothing for it to learn.
-        judge_cost: Whether the cost is judged; turn it off where ``cost_model`` does not apply,
-            that is, for other weights of the expert's costs.
+        judge_cost: Whether the cost is judged; it never is where ``cost_model`` does not apply,
+            that is, for another robot, scope, or weights of the expert's costs.
         cost_excess: Largest cost above the expected one, as a share of that [0, 0.32]; 0.1 would
             keep the better nine tenths.
         cost_model: The cost expected of a task.
@@ -108,10 +108,20 @@ class Verdict:
     reasons: tuple[str, ...]
 
 
-def expected_cost(task: Task, robot: RobotModel, thresholds: QualityThresholds) -> float | None:
-    """The cost to be expected of a task; none if nothing is known of this robot's costs."""
+def expected_cost(
+    task: Task, robot: RobotModel, cost_key: str, thresholds: QualityThresholds
+) -> float | None:
+    """The cost to be expected of a task; none if nothing is known of such costs.
+
+    Args:
+        task: The task.
+        robot: The robot that solves it.
+        cost_key: Digest of the scope and cost weights that it is solved with.
+        thresholds: Whether the cost is judged, and by which model.
+    """
     model = thresholds.cost_model
-    if not thresholds.judge_cost or model.robot != robot.name:
+    applies = model.robot == robot.name and model.cost_key == cost_key
+    if not thresholds.judge_cost or not applies:
         return None
     return float(model.predict(task_features(task, robot)))
 

@@ -35,7 +35,8 @@ def test_expert_solutions_are_accepted(solved):
     limits = QualityThresholds()
     for task, solution in solved:
         violations = measure(solution.trajectory, ANYMAL, task.obstacles_W)
-        expected = expected_cost(task, ANYMAL, limits)
+        expected = expected_cost(task, ANYMAL, ExpertSettings().cost_key, limits)
+        assert expected is not None
         verdict = judge(solution.status, solution.cost, expected, violations, limits)
         assert verdict.reasons == ()
         assert violations.drift < 0.015

@@ -7,7 +7,14 @@ import pytest
 from pydantic import ValidationError
 
 from lmtr.errors import DataError
-from lmtr.quality.cost_model import FEATURES, CostModel, fit_cost_model, task_features
+from lmtr.expert.settings import CostWeights, ExpertSettings, Limits, Scope, SolverSettings
+from lmtr.quality.cost_model import (
+    DEFAULT_COST_MODEL,
+    FEATURES,
+    CostModel,
+    fit_cost_model,
+    task_features,
+)
 from lmtr.quality.filter import (
     REASONS,
     QualityThresholds,
@@ -21,6 +28,7 @@ from lmtr.streams import Purpose, stream
 from lmtr.task.sampling import TaskDistribution, sample_task
 
 LIMITS = QualityThresholds()
+KEY = DEFAULT_COST_MODEL.cost_key
 SOUND = Violations(
     linear_residual_peak=0.5,
     linear_residual_rms=0.15,
@@ -126,13 +134,39 @@ def test_further_goals_are_expected_to_be_dearer():
     near, far = (
         tasks(1, TaskDistribution(goal_distance=(d, d), goal_lateral=0.0))[0] for d in (2.3, 3.1)
     )
-    assert expected_cost(far, ANYMAL, LIMITS) > expected_cost(near, ANYMAL, LIMITS) > 0.0
+    cheap, dear = (expected_cost(task, ANYMAL, KEY, LIMITS) for task in (near, far))
+    assert dear > cheap > 0.0
 
 
 def test_nothing_is_expected_of_another_robot_or_when_cost_is_not_judged():
     task = tasks(1)[0]
-    assert expected_cost(task, HYQ, LIMITS) is None
-    assert expected_cost(task, ANYMAL, QualityThresholds(judge_cost=False)) is None
+    assert expected_cost(task, HYQ, KEY, LIMITS) is None
+    assert expected_cost(task, ANYMAL, KEY, QualityThresholds(judge_cost=False)) is None
+
+
+def test_the_default_costs_are_those_that_the_model_was_fitted_for():
+    assert ExpertSettings().cost_key == KEY
+    same = ExpertSettings(solver=SolverSettings(max_iterations=300), limits=Limits(force=1.4))
+    assert expected_cost(tasks(1)[0], ANYMAL, same.cost_key, LIMITS) > 0.0
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        *({"costs": CostWeights(**{name: 0.1})} for name in CostWeights.model_fields),
+        {"obstacle_weight": 0.0},
+        {"obstacle_sigma": 0.2},
+        {"scope": Scope(duration=10.0, n_swings=6)},
+        {"scope": Scope(n_swings=5)},
+    ],
+    ids=repr,
+)
+def test_a_cost_of_another_kind_is_left_unjudged(other):
+    key = ExpertSettings(**other).cost_key
+    assert key != KEY
+    expected = expected_cost(tasks(1)[0], ANYMAL, key, LIMITS)
+    assert expected is None
+    assert verdict(cost=1000.0, expected=expected).accepted
 
 
 def test_features_are_those_of_the_task():
@@ -157,21 +191,22 @@ def test_features_are_those_of_the_task():
 
 def test_the_fit_finds_planted_coefficients_despite_bad_solutions():
     slopes = dict(zip(FEATURES, (1.1, 0.2, 0.0, 0.3, 2.0), strict=True))
-    true = CostModel(robot="anymal", intercept=0.3, **slopes)
+    true = CostModel(robot="anymal", cost_key="key", intercept=0.3, **slopes)
     features = np.random.default_rng(4).uniform(0.0, 3.0, (200, len(FEATURES)))
     costs = true.predict(features) + 0.01 * np.random.default_rng(5).normal(size=200)
     costs[::15] += 6.0  # poor local optima, seven in a hundred
-    fitted = fit_cost_model(features, costs, "anymal")
+    fitted = fit_cost_model(features, costs, "anymal", "key")
+    assert (fitted.robot, fitted.cost_key) == ("anymal", "key")
     for name in ("intercept", *FEATURES):
         assert getattr(fitted, name) == pytest.approx(getattr(true, name), abs=0.02), name
 
 
 def test_too_few_solves_expect_nothing():
-    assert fit_cost_model(np.ones((10, len(FEATURES))), np.ones(10), "anymal") is None
+    assert fit_cost_model(np.ones((10, len(FEATURES))), np.ones(10), "anymal", "key") is None
 
 
 def test_a_fit_to_broken_data_is_refused():
     with pytest.raises(DataError, match="shape"):
-        fit_cost_model(np.ones((10, 2)), np.ones(10), "anymal")
+        fit_cost_model(np.ones((10, 2)), np.ones(10), "anymal", "key")
     with pytest.raises(DataError, match="finite"):
-        fit_cost_model(np.ones((2, len(FEATURES))), np.array([1.0, np.nan]), "anymal")
+        fit_cost_model(np.ones((2, len(FEATURES))), np.array([1.0, np.nan]), "anymal", "key")
