@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from pydantic import ValidationError
 
-from lmtr.robot.model import ANYMAL, FEET, ROBOTS, RobotModel
+from lmtr.robot.model import ANYMAL, FEET, HYQ, ROBOTS, RobotModel
 
 OTHERS = ANYMAL.model_dump(exclude={"moments", "products"})
 positive = st.floats(0.01, 10.0)
@@ -49,6 +49,33 @@ def test_feet_stand_at_the_corners_that_their_names_say(robot):
         assert place[2] == -robot.nominal_height
     np.testing.assert_allclose(robot.nominal_feet_B[:, :2].sum(axis=0), 0.0, atol=1e-15)
     assert robot.weight == pytest.approx(9.81 * robot.mass)
+
+
+def test_the_robots_have_the_published_figures():
+    """TOWR's models, but for the tighter range of motion of ANYmal and for friction."""
+    assert ANYMAL.model_dump() == {
+        "name": "anymal",
+        "mass": 29.5,
+        "moments": (0.946438, 1.94478, 2.01835),
+        "products": (0.000938112, -0.00595386, -0.00146328),
+        "nominal_forward": 0.34,
+        "nominal_lateral": 0.19,
+        "nominal_height": 0.42,
+        "range_of_motion": (0.16, 0.12, 0.10),
+        "friction": 0.7,
+    }
+    assert HYQ.model_dump() == {
+        "name": "hyq",
+        "mass": 83.0,
+        "moments": (4.26, 8.97, 9.88),
+        "products": (-0.0063, 0.193, 0.0126),
+        "nominal_forward": 0.31,
+        "nominal_lateral": 0.29,
+        "nominal_height": 0.58,
+        "range_of_motion": (0.20, 0.20, 0.10),
+        "friction": 0.7,
+    }
+    assert ROBOTS == {"anymal": ANYMAL, "hyq": HYQ}
 
 
 @pytest.mark.parametrize("name", ["mass", "friction", "nominal_height"])
