@@ -157,7 +157,7 @@ def test_bars_of_the_gait_diagram_are_the_phases():
 
 
 def cut_short(motion, end):
-    """The motion until ``end`` (s) as a rollout records it: nothing is known of what comes after."""
+    """The motion until ``end`` (s) as a rollout records it: what comes after is unknown."""
     kept = motion.times <= end + 1e-9
     samples = {name: array[kept] for name, array in vars(motion).items() if name != "footholds"}
     begun = motion.footholds.touchdown <= end
