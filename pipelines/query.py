@@ -1,6 +1,7 @@
 """Queries of the lakehouse, shown or written."""
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pyarrow as pa
@@ -14,6 +15,11 @@ from services.lake.queries import query as run_query
 from services.lake.queries import write_result
 
 SHOWN_ROWS = 100
+SHOWN_RECORDS = 5
+LEAST_COLUMN = 8
+"""Characters that a column needs to say anything."""
+
+UNFOLDED_WIDTH = 1000
 SHOWN_ITEMS = 6
 
 
@@ -40,18 +46,37 @@ def query(workspace: Workspace, sql: str, form: str, out: Path | None) -> None:
 
 
 def _show(result: pa.Table) -> None:
+    """Print a table, or one record after the other where the columns are too many for the width."""
+    # Off a terminal nothing is folded, so that what is printed can be copied and cut.
+    console = Console() if sys.stdout.isatty() else Console(width=UNFOLDED_WIDTH)
+    wide = console.width < LEAST_COLUMN * result.num_columns
+    limit = SHOWN_RECORDS if wide else SHOWN_ROWS
+    for shown in _records(result, limit) if wide else [_rows(result, limit)]:
+        console.print(shown)
+    if result.num_rows > limit:
+        console.print(
+            f"{limit} of {result.num_rows} rows shown; use LIMIT, or --format csv for all"
+        )
+
+
+def _rows(result: pa.Table, limit: int) -> Table:
     table = Table(header_style="bold")
     for field in result.schema:
         numeric = pa.types.is_integer(field.type) or pa.types.is_floating(field.type)
         table.add_column(Text(field.name), justify="right" if numeric else "left", overflow="fold")
-    for row in result.slice(0, SHOWN_ROWS).to_pylist():
+    for row in result.slice(0, limit).to_pylist():
         table.add_row(*(Text(_cell(value)) for value in row.values()))
-    console = Console()
-    console.print(table)
-    if result.num_rows > SHOWN_ROWS:
-        console.print(
-            f"{SHOWN_ROWS} of {result.num_rows} rows shown; use LIMIT, or --format csv for all"
-        )
+    return table
+
+
+def _records(result: pa.Table, limit: int) -> Iterator[Table]:
+    for number, row in enumerate(result.slice(0, limit).to_pylist(), start=1):
+        table = Table(title=f"row {number}", title_justify="left", show_header=False)
+        table.add_column(style="bold", no_wrap=True)
+        table.add_column(overflow="fold")
+        for name, value in row.items():
+            table.add_row(Text(name), Text(_cell(value)))
+        yield table
 
 
 def _cell(value: object) -> str:

@@ -88,19 +88,22 @@ def models(
 
 
 def evaluation_ids(workspace: Workspace, dataset_id: str, cut: str) -> list[str]:
-    """All evaluations of a data set and cut, the library last.
+    """Evaluations of a data set and cut that can be compared: on the newest one's testbed.
+
+    The library comes last.
 
     Raises:
         DataError: There is none.
     """
     rows = workspace.lake.read(
         "evaluations",
-        ["evaluation_id"],
+        ["evaluation_id", "settings", "created_at"],
         where=selection(dataset_id, cut),
         order_by="model_id IS NULL, replanner, created_at",
-    )
-    if rows.num_rows == 0:
+    ).to_pylist()
+    if not rows:
         raise DataError(
             f"data set {dataset_id!r} (cut {cut}) has no evaluation; run `lmtr evaluate` first"
         )
-    return list(rows["evaluation_id"].to_pylist())
+    testbed = max(rows, key=lambda row: row["created_at"])["settings"]
+    return [row["evaluation_id"] for row in rows if row["settings"] == testbed]

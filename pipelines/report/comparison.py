@@ -1,6 +1,7 @@
 """The comparison of replanners: the distributions of Fig. 4, the trade-off, and the table."""
 
 from collections.abc import Sequence
+from math import isfinite
 
 from lmtr.figures.distributions import distribution_figure
 from lmtr.figures.style import series_styles
@@ -75,9 +76,10 @@ def headline(evaluations: Sequence[Evaluation]) -> str:
     """The finding in a sentence."""
     parts = []
     for evaluation in evaluations:
-        close = 100.0 * evaluation.summary["close_share"]
+        share = evaluation.summary["close_share"]
+        close = f"{100.0 * share:.1f} %" if isfinite(share) else "no line crossed"
         violation = 1e3 * evaluation.summary["mean_violation"]
-        parts.append(f"{evaluation.label} {close:.1f} % and {violation:.2f} mm")
+        parts.append(f"{evaluation.label} {close} and {violation:.2f} mm")
     within = 100 * evaluations[0].criteria.clearance
     return (
         f"Share of steps with a foothold within {within:g} cm of an obstacle line, and mean "
@@ -87,10 +89,12 @@ def headline(evaluations: Sequence[Evaluation]) -> str:
 
 def _replanner_row(evaluation: Evaluation) -> list[Cell]:
     summary = evaluation.summary
-    close = f"{100 * summary['close_share']:.1f}"
-    if evaluation.label != EXPERT:
-        low, high = (100 * summary[f"close_share_{end}"] for end in ("low", "high"))
-        close += f" ({low:.1f}–{high:.1f})"
+    close: str | None = None
+    if isfinite(summary["close_share"]):
+        close = f"{100 * summary['close_share']:.1f}"
+        if evaluation.label != EXPERT:
+            low, high = (100 * summary[f"close_share_{end}"] for end in ("low", "high"))
+            close += f" ({low:.1f}–{high:.1f})"
 
     def scaled(key: str, scale: float) -> float | None:
         return scale * summary[key] if key in summary else None

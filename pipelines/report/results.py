@@ -1,8 +1,9 @@
 """What the lake says of replanners and of the expert, in the form that the report compares."""
 
 import json
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,8 @@ class Evaluation:
         criteria: What they were judged by.
         example: A row of ``rollouts`` to show: the first that reached its end, or the first; empty
             for the expert.
+        evaluation_id: Its identity; empty for the expert.
+        weights: w of its look-ups; empty for the expert.
         seed: Seed of the courses; None for the expert.
         settings: The testbed as recorded; empty for the expert.
         planner: The replanner's own description; empty for the expert.
@@ -47,6 +50,8 @@ class Evaluation:
     violations: Array
     criteria: Criteria
     example: records.Row = field(default_factory=dict)
+    evaluation_id: str = ""
+    weights: tuple[float, ...] = ()
     seed: int | None = None
     settings: dict[str, Any] = field(default_factory=dict)
     planner: dict[str, Any] = field(default_factory=dict)
@@ -59,7 +64,7 @@ def evaluations(workspace: Workspace, ids: Sequence[str]) -> list[Evaluation]:
         DataError: One of them has not been made.
     """
     lake = workspace.lake
-    made = []
+    made: list[Evaluation] = []
     for evaluation_id in ids:
         where = f"evaluation_id = '{evaluation_id}'"
         rows = lake.read("evaluations", where=where).to_pylist()
@@ -76,6 +81,8 @@ def evaluations(workspace: Workspace, ids: Sequence[str]) -> list[Evaluation]:
         made.append(
             Evaluation(
                 label=rows[0]["replanner"],
+                evaluation_id=evaluation_id,
+                weights=tuple(rows[0]["weights"]),
                 summary=dict(rows[0]["summary"]),
                 clearances=_pool(pooled["clearances"].to_pylist()),
                 violations=_pool(pooled["violations"].to_pylist()),
@@ -86,7 +93,25 @@ def evaluations(workspace: Workspace, ids: Sequence[str]) -> list[Evaluation]:
                 planner=json.loads(rows[0]["planner"]),
             )
         )
+    return _told_apart(made)
+
+
+def _told_apart(made: list[Evaluation]) -> list[Evaluation]:
+    """The same with labels that differ: by weights first, by identity where that is not enough."""
+    for label in (_with_weights, _with_identity):
+        counts = Counter(each.label for each in made)
+        made = [
+            replace(each, label=label(each)) if counts[each.label] > 1 else each for each in made
+        ]
     return made
+
+
+def _with_weights(each: Evaluation) -> str:
+    return f"{each.label} w={','.join(f'{value:g}' for value in each.weights)}"
+
+
+def _with_identity(each: Evaluation) -> str:
+    return f"{each.label} ({each.evaluation_id.rsplit('-', 1)[-1]})"
 
 
 def expert_reference(

@@ -22,7 +22,7 @@ COUNT = 16
 """Solutions: enough that a driver is still at work after its first commit."""
 
 
-def generate(config, home, *options):
+def generate(config, home, *options, log=False):
     command = [
         sys.executable,
         "-m",
@@ -33,7 +33,12 @@ def generate(config, home, *options):
         "--home",
         str(home),
     ]
-    return subprocess.Popen([*command, *map(str, options)], start_new_session=True)
+    return subprocess.Popen(
+        [*command, *map(str, options)],
+        start_new_session=True,
+        stderr=subprocess.PIPE if log else None,
+        text=True,
+    )
 
 
 def rows(home):
@@ -61,12 +66,16 @@ def test_a_stopped_driver_is_continued_without_a_lost_or_doubled_row(
 ):
     home = tmp_path / "home"
     options = ("--solutions", COUNT, "--workers", 2, "--set", "cluster.commit_rows=2")
-    driver = generate(tiny_config, home, *options)
+    driver = generate(tiny_config, home, *options, log=True)
     while not committed(home):
         assert driver.poll() is None, "the driver ended before it committed anything"
         time.sleep(0.1)
     os.killpg(driver.pid, fault)
-    assert driver.wait(timeout=60) in (130, -fault)
+    _, said = driver.communicate(timeout=60)
+    assert driver.returncode == (130 if fault is signal.SIGINT else -fault)
+    if fault is signal.SIGINT:
+        assert "what was finished is kept" in said
+        assert "Traceback" not in said
     assert 0 < len(rows(home)) < COUNT
     assert generate(tiny_config, home, *options).wait() == 0
     assert rows(home) == undisturbed
