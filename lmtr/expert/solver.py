@@ -31,6 +31,10 @@ _STATUS = {
 }
 
 
+EARLY_CONSTRAINT_TOLERANCE = 1e-3
+"""Largest constraint violation of a solve that stops early (scaled rows)."""
+
+
 class _CasadiOpenBLAS(threadpoolctl.OpenBLASController):  # type: ignore[misc]
     """The OpenBLAS that CasADi brings, which goes by a name that threadpoolctl does not know."""
 
@@ -155,7 +159,7 @@ def _ipopt_options(settings: SolverSettings) -> dict[str, float | int | str]:
         # Stop early where the cost has settled, at small residuals of any other kind.
         "acceptable_tol": 1.0,
         "acceptable_iter": settings.early_iterations,
-        "acceptable_constr_viol_tol": 1e-3,
+        "acceptable_constr_viol_tol": EARLY_CONSTRAINT_TOLERANCE,
         "acceptable_compl_inf_tol": 1e-3,
         "acceptable_obj_change_tol": settings.early_objective_change,
         # Half of MUMPS's time: no scaling permutation, and a quasi-dense minimum degree ordering.

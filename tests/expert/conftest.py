@@ -65,6 +65,12 @@ def drawn() -> Drawn:
 
 
 @pytest.fixture(scope="session")
+def drawn_in_full() -> Drawn:
+    """The default problem with a task of the default distribution."""
+    return Drawn(ExpertSettings(), TaskDistribution())
+
+
+@pytest.fixture(scope="session")
 def short() -> ExpertSettings:
     """Settings of a short walk."""
     return SHORT

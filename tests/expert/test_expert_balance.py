@@ -1,4 +1,4 @@
-"""Solutions of whole tasks, rebuilt by SciPy from their nodes: they balance and keep the rules.
+"""Solutions of whole tasks, rebuilt by SciPy: they balance, keep the rules, cost what they say.
 
 Nothing here samples a trajectory with the project's own code.
 """
@@ -10,11 +10,16 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
+from lmtr.expert.constraints.dynamics import LEVER_ARM
+from lmtr.expert.solver import EARLY_CONSTRAINT_TOLERANCE
 from lmtr.quality.filter import QualityThresholds
 from lmtr.robot.model import ANYMAL, GRAVITY, N_FEET
 from lmtr.trajectory.trajectory import BASE_STEP
 
 STEP = 1e-5
+PROMISED = EARLY_CONSTRAINT_TOLERANCE * ANYMAL.weight
+"""What the solver may leave of any component of the balance of forces (N)."""
+
 LIMITS = QualityThresholds()
 
 
@@ -82,8 +87,13 @@ class Rebuilt:
 
 
 @pytest.fixture(scope="module", params=range(3))
-def rebuilt(request, solved_tasks):
-    return Rebuilt(solved_tasks[request.param].solution.trajectory)
+def case(request, solved_tasks):
+    return solved_tasks[request.param]
+
+
+@pytest.fixture(scope="module")
+def rebuilt(case):
+    return Rebuilt(case.solution.trajectory)
 
 
 def test_forces_explain_the_acceleration_at_every_base_node(rebuilt):
@@ -91,17 +101,21 @@ def test_forces_explain_the_acceleration_at_every_base_node(rebuilt):
     force = rebuilt.at(rebuilt.forces, times).sum(axis=1)
     gravity = np.array([0.0, 0.0, -ANYMAL.weight])
     needed = ANYMAL.mass * rebuilt.base(times, 2)[:, :3]
-    assert np.abs(force + gravity - needed).max() < 2e-4 * ANYMAL.weight
-    assert np.abs(needed).max() > 100.0 * np.abs(force + gravity - needed).max()
+    assert np.abs(force + gravity - needed).max() < PROMISED
+    assert np.abs(needed).max() > 50.0 * PROMISED
 
 
-def test_moments_explain_the_change_of_spin_at_every_base_node(rebuilt):
+def test_moments_explain_the_change_of_spin_at_every_base_node(rebuilt, case):
     times = rebuilt.knots[1:-1]
     arm = rebuilt.at(rebuilt.feet, times) - rebuilt.base(times)[:, None, :3]
     moment = np.cross(arm, rebuilt.at(rebuilt.forces, times)).sum(axis=1)
     change = (rebuilt.momentum(times + STEP) - rebuilt.momentum(times - STEP)) / (2.0 * STEP)
-    assert np.abs(moment - change).max() < 0.02  # N·m
-    assert np.abs(moment).max() > 100.0 * np.abs(moment - change).max()
+    # The solver balances moments about the guessed base; about the true one, errors of forces
+    # have a lever arm of their own.
+    shift = rebuilt.base(times)[:, :3] - case.solution.guess.base_nodes[1:-1, 0, :3]
+    promised = PROMISED * (LEVER_ARM + np.abs(shift).sum(axis=1, keepdims=True))
+    assert (np.abs(moment - change) < promised).all()
+    assert np.abs(moment).max() > 30.0 * PROMISED * LEVER_ARM
 
 
 def test_the_base_accelerates_without_jumps(rebuilt):
@@ -139,3 +153,79 @@ def test_feet_stay_within_their_range_of_motion(rebuilt):
     stands = rebuilt.stance >= 0
     assert excess[stands].max() < LIMITS.stance_overshoot
     assert excess[~stands][:, :2].max() < LIMITS.swing_overshoot
+
+
+def offsets_in_half_sides(rebuilt):
+    """Offsets of the feet from neutral every 0.05 s after the start, in half sides of the box."""
+    times = np.arange(1, 151) * 0.05
+    arm = rebuilt.at(rebuilt.feet, times) - rebuilt.base(times)[:, None, :3]
+    offset_B = arm @ rebuilt.rotation(times) - ANYMAL.nominal_feet_B
+    return offset_B / np.array(ANYMAL.range_of_motion)
+
+
+def potentials(footholds, lines):
+    """exp(−d²/2σ²) of footholds (n, 2) at distances d from lines (x, y, angle)."""
+    x, y, angle = lines.T
+    across = (footholds[:, :1] - x) * np.sin(angle) - (footholds[:, 1:] - y) * np.cos(angle)
+    return np.exp(-(across**2) / (2.0 * 0.1**2))
+
+
+def swing_offsets(trajectory):
+    """Middles of swings off the point half-way and raised by 0.08 m, and their drift, in m."""
+    feet, times = trajectory.footholds, trajectory.contact_times
+    offset = trajectory.swing_nodes[..., :3] - 0.5 * (feet[:, 1:] + feet[:, :-1])
+    duration = (times[:, 2::2] - times[:, 1:-1:2])[..., None]
+    drift = trajectory.swing_nodes[..., 3:] * duration - 1.5 * np.diff(feet, axis=1)[..., :2]
+    return offset - np.array([0.0, 0.0, 0.08]), drift
+
+
+def free_force_points(trajectory):
+    """Bézier points of the forces that are free to choose, in weights, (n, 3)."""
+    nodes = trajectory.force_nodes / ANYMAL.weight
+    times = trajectory.contact_times
+    third = (times[:, 1::2] - times[:, 0::2])[..., None] / 6.0
+    middle, first, last = nodes[:, :, 1], nodes[:, 0, 0], nodes[:, -1, 2]
+    points = [
+        middle[..., 0, :] - third * middle[..., 1, :],
+        middle[..., 0, :] + third * middle[..., 1, :],
+        first[:, 0],
+        first[:, 0] + third[:, 0] * first[:, 1],
+        last[:, 0],
+        last[:, 0] - third[:, -1] * last[:, 1],
+    ]
+    return np.concatenate([part.reshape(-1, 3) for part in points])
+
+
+def force_roughness(rebuilt, order):
+    """∫₀¹ |dⁿf/duⁿ|² du of all force cubics over their own unit times, in weights squared."""
+    at, weights = np.polynomial.legendre.leggauss(4)
+    half = (rebuilt.end - rebuilt.begin)[..., None] / 2.0
+    begin = rebuilt.begin[..., None] + half * np.arange(2)
+    times = begin[..., None] + half[..., None] * (at + 1.0) / 2.0
+    derivative = (
+        np.stack([rebuilt.forces[foot](times[foot], order) for foot in range(N_FEET)])
+        * half[..., None, None] ** order
+    )
+    return ((derivative / ANYMAL.weight) ** 2).sum(axis=-1) @ (weights / 2.0)
+
+
+def test_each_cost_is_what_its_name_says(rebuilt, case):
+    trajectory, told = case.solution.trajectory, case.solution.cost_terms
+    base, second = rebuilt.base(rebuilt.knots), rebuilt.base(rebuilt.knots, 2)
+    offset, drift = swing_offsets(trajectory)
+    feet = trajectory.footholds[:, 1:, :2].reshape(-1, 2)
+    expected = {
+        "acceleration": 0.02 * 0.1 * (second[:, :3] ** 2).sum(),
+        "angular_acceleration": 0.01 * 0.1 * (second[:, 3:] ** 2).sum(),
+        "tilt": 0.4 * 0.1 * (base[:, 3:5] ** 2).sum(),
+        "height": 2.5 * 0.1 * ((base[:, 2] - 0.42) ** 2).sum(),
+        "foot_offset": 0.03 * 0.05 * (offsets_in_half_sides(rebuilt) ** 2).sum(),
+        "horizontal_force": 0.02 * (free_force_points(trajectory)[:, :2] ** 2).sum(),
+        "force_slope": 0.02 * force_roughness(rebuilt, 1).sum(),
+        "force_curvature": 0.002 * force_roughness(rebuilt, 2).sum(),
+        "swing_offset": (offset**2).sum(),
+        "swing_drift": (drift**2).sum(),
+        "obstacles": 0.5 * potentials(feet, case.task.obstacles_W).sum(),
+    }
+    assert told == pytest.approx(expected, rel=1e-7)
+    assert case.solution.cost == pytest.approx(sum(expected.values()), rel=1e-7)

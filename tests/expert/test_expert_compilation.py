@@ -42,6 +42,24 @@ def test_compiled_functions_are_the_interpreted_ones(tmp_path):
         np.testing.assert_allclose(value(machine), value(interpreted), rtol=1e-14)
 
 
+def test_the_whole_default_problem_is_compiled_as_it_is_interpreted(drawn_in_full, tmp_path):
+    """Objective, rows, gradient, Jacobian, Hessian and terms; their sparsity too."""
+    problem = drawn_in_full.problem
+    interpreted = problem.functions.all()
+    machine, report = compiled(interpreted, tmp_path)
+    assert report.compiled, report.reason
+    point = [drawn_in_full.near_start(10), drawn_in_full.parameters]
+    multipliers = [1.3, np.random.default_rng(10).standard_normal(problem.rows.size)]
+    for expected, found in zip(interpreted, machine, strict=True):
+        arguments = [*point, *multipliers][: expected.n_in()]
+        pairs = zip(expected.call(arguments), found.call(arguments), strict=True)
+        for mine, theirs in pairs:
+            assert mine.sparsity() == theirs.sparsity()
+            value = np.array(mine.nonzeros())
+            rounding = 1e-13 * np.abs(value).max()  # of sums that cancel
+            np.testing.assert_allclose(theirs.nonzeros(), value, rtol=1e-10, atol=rounding)
+
+
 def test_a_second_build_finds_the_first(tmp_path):
     compiled(functions(), tmp_path)
     _, report = compiled(functions(), tmp_path)

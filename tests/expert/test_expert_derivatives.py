@@ -1,4 +1,8 @@
-"""The solver's derivatives against finite differences, and what its Hessian leaves out."""
+"""The solver's derivatives against finite differences, and what its Hessian leaves out.
+
+They are those of a short walk, interpreted; that machine code of the whole default problem gives
+the same is shown once, beside the tests of compilation.
+"""
 
 import numpy as np
 import pytest
