@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lmtr.models.trained import TrainedModel
-from pipelines.config import Configuration, as_toml
+from pipelines.config import Configuration, as_toml, fingerprint
 from pipelines.datasets import configuration_of
 from pipelines.invocation import command, short
 from pipelines.learning_data import LearningData
@@ -44,7 +44,8 @@ def report(
         data: The data set and its cut.
         model_ids: Models to report; None for all of the data set.
         chosen: Evaluations to report; None for all of the data set.
-        config: The configuration of the run that made all this, if it was one.
+        config: The configuration of the run that made all this, if it was one; then a report of
+            the same things is left as it is.
 
     Raises:
         DataError: Models or evaluations are missing.
@@ -62,6 +63,17 @@ def report(
         tried=evaluations(workspace, chosen),
     )
     folder = workspace.home.reports / data.dataset_id
+    stamp = fingerprint(
+        data.identity,
+        len(found.rows),
+        [model.model_id for model in known],
+        list(chosen),
+        None if config is None else config.model_dump(mode="json"),
+        code_version(),
+    )
+    if config is not None and _stamp_of(folder) == stamp:
+        say(f"report: {short(folder / PAGE)} is up to date")
+        return folder / PAGE
     partial = folder.with_name(f".{folder.name}.partial")
     shutil.rmtree(partial, ignore_errors=True)
     with tempfile.TemporaryDirectory() as scratch:
@@ -73,7 +85,7 @@ def report(
             reproduce=_reproduce(workspace, data, config),
         )
         write_report(content, partial)
-    _write_settings(workspace, data, found, config, partial)
+    _write_settings(workspace, data, found, config, stamp, partial)
     shutil.rmtree(folder, ignore_errors=True)
     partial.rename(folder)
     say(f"report: {short(folder / PAGE)}")
@@ -137,6 +149,14 @@ def _provenance(
     ]
 
 
+def _stamp_of(folder: Path) -> str | None:
+    """What the report in a folder was made of; None if there is no whole one."""
+    try:
+        return str(json.loads((folder / PROVENANCE).read_text(encoding="utf-8"))["stamp"])
+    except (OSError, ValueError, KeyError):
+        return None
+
+
 def _listed(values: Sequence[object]) -> str:
     return ", ".join(map(str, values))
 
@@ -146,6 +166,7 @@ def _write_settings(
     data: LearningData,
     found: _Findings,
     config: Configuration | None,
+    stamp: str,
     folder: Path,
 ) -> None:
     """Keep beside the page all settings as they were recorded, and the run's configuration."""
@@ -155,6 +176,7 @@ def _write_settings(
         f"dataset_id = '{data.dataset_id}' AND segmentation_id = '{data.segmentation_id}'",
     )
     recorded = {
+        "stamp": stamp,
         "dataset": found.recorded.model_dump(
             mode="json", include={"dataset", "tasks", "expert", "quality"}
         ),

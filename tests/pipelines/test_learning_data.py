@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
-from lmtr.rollout import testbed
+from lmtr.replanners.build import build_replanner
+from lmtr.rollout.testbed import run_rollouts
+from lmtr.vectors.layout import SEGMENT_LAYOUT, TASK_LAYOUT
 from lmtr.vectors.mirror import mirror_segment, mirror_task
 from pipelines import evaluate
 from pipelines.config import load
-from pipelines.datasets import resolve
+from pipelines.datasets import configuration_of, resolve
 from pipelines.learning_data import learning_data
 from pipelines.workspace import Workspace
 
@@ -82,21 +84,40 @@ def nearest(rows, others):
     return min(np.abs(others - row).max(axis=1).min() for row in rows)
 
 
-def test_each_segment_is_paired_with_a_task_of_its_own(data):
+def test_each_task_describes_the_robot_at_the_start_of_its_segment(data):
     for pairs in (data.training, data.validation):
-        x, tau = pairs.x, pairs.tau
-        # Both hold the base's height and the feet's positions at the epoch.
-        np.testing.assert_allclose(x[:, HEIGHT_OF_TASK], tau[:, HEIGHT_OF_SEGMENT], atol=1e-6)
+        x, tau = TASK_LAYOUT.unpack(pairs.x), SEGMENT_LAYOUT.unpack(pairs.tau)
+        now = tau["base_nodes"][:, 0, 0]
+        np.testing.assert_allclose(x["height"], now[:, 2], rtol=0.0, atol=1e-6)
+        np.testing.assert_allclose(x["roll_pitch"], now[:, 3:5], rtol=0.0, atol=1e-6)
+        # Mirrored one without the other, the roll would miss by twice its size.
+        assert np.abs(x["roll_pitch"][:, 0]).max() > 1e-3
 
 
-def test_rollouts_start_from_held_out_segments_and_plan_with_learnt_ones(
+def test_rollouts_start_from_held_out_segments_and_look_up_learnt_ones(
     workspace, tiny_config, dataset_id, data, monkeypatch
 ):
-    config = load(str(tiny_config))
-    starts, planned_with = [], []
-    monkeypatch.setattr(
-        evaluate, "run_rollouts", lambda planner, courses, given, *rest: starts.append(given) or []
-    )
-    monkeypatch.setattr(
-        evaluate, "build_replanner", lambda model, pool, weights: planned_with.append(pool)
-    )
+    config = load(str(tiny_config), ["evaluation.rollouts=8", "evaluation.rollout.duration=0.3"])
+    robot = configuration_of(workspace, dataset_id).dataset.robot
+    given, looked_up = [], []
+
+    def run(replanner, courses, starts, *rest):
+        given.append(starts)
+        return run_rollouts(replanner, courses, starts, *rest)
+
+    def build(model, library, weights):
+        looked_up.append(library)
+        return build_replanner(model, library, weights)
+
+    monkeypatch.setattr(evaluate, "run_rollouts", run)
+    monkeypatch.setattr(evaluate, "build_replanner", build)
+    (trial,) = evaluate.trials(config, data, [])  # the trajectory library
+    tried = evaluate.EvaluateWorker(data, {}, robot, config.evaluation)(trial)
+    assert len(tried.rollouts) == 8
+    (starts,), (library,) = given, looked_up
+    held_out = {row.tobytes() for row in data.validation.tau}
+    assert starts.shape == (8, 264)
+    assert {row.tobytes() for row in starts} <= held_out
+    assert len({row.tobytes() for row in starts}) > 1
+    np.testing.assert_array_equal(library.x, data.training.x)
+    np.testing.assert_array_equal(library.tau, data.training.tau)
