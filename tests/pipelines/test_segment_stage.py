@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
+from lmtr.geometry.se2 import SE2
+from lmtr.robot.model import FEET
 from lmtr.segmentation.window import cut
 from lmtr.trajectory.sample import sample_base
-from lmtr.vectors.layout import TASK_LAYOUT
+from lmtr.vectors.layout import SEGMENT_LAYOUT, TASK_LAYOUT
 from lmtr.vectors.segment_vector import encode_segment
 from lmtr.vectors.state import state_at
-from lmtr.vectors.task_vector import encode_task
+from lmtr.vectors.task_vector import encode_task, next_lines
 from pipelines import records
 from pipelines.workspace import Workspace
 
@@ -56,3 +58,13 @@ def test_every_segment_is_that_window_of_its_solution(segments, solutions):
 def test_only_accepted_solutions_are_cut_and_each_of_them(segments, solutions):
     accepted = {index for index, row in solutions.items() if row["accepted"]}
     assert {row["solution_index"] for row in segments} == accepted
+
+
+def test_no_real_foothold_lies_as_far_ahead_as_the_dummy_of_a_missing_line(segments):
+    nowhere = SE2.of([0.0, 0.0, 0.0])
+    dummy = next_lines(np.zeros((0, 3)), nowhere)[0, 0]
+    parts = SEGMENT_LAYOUT.unpack(np.array([row["tau"] for row in segments]))
+    ahead = [
+        parts[f"{foot}_{which}_foothold"][:, 0] for foot in FEET for which in ("first", "second")
+    ]
+    assert 0.5 < np.max(ahead) < dummy - 0.5

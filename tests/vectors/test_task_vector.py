@@ -6,10 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lmtr.geometry.se2 import SE2
+from lmtr.robot.model import FEET
 from lmtr.trajectory.trajectory import Trajectory
-from lmtr.vectors.layout import TASK_LAYOUT
+from lmtr.vectors.layout import SEGMENT_LAYOUT, TASK_LAYOUT
 from lmtr.vectors.state import state_at
-from lmtr.vectors.task_vector import DUMMY_AHEAD, KEPT_BEHIND, encode_task, next_lines
+from lmtr.vectors.task_vector import DUMMY_AHEAD, encode_task, next_lines
 
 ORIGIN = SE2.of([0.0, 0.0, 0.0])
 METRES = st.floats(-5.0, 5.0)
@@ -87,10 +88,8 @@ def test_a_standing_robot_is_encoded_as_it_stands(walk):
 
 
 def test_lines_come_nearest_first_and_leave_half_a_metre_behind():
-    kept = next_lines(square(1.4, -KEPT_BEHIND + 0.01, 0.6), ORIGIN)
-    assert kept == pytest.approx(square(-KEPT_BEHIND + 0.01, 0.6))
-    passed = next_lines(square(1.4, -KEPT_BEHIND - 0.01, 0.6), ORIGIN)
-    assert passed == pytest.approx(square(0.6, 1.4))
+    assert next_lines(square(1.4, -0.49, 0.6), ORIGIN) == pytest.approx(square(-0.49, 0.6))
+    assert next_lines(square(1.4, -0.51, 0.6), ORIGIN) == pytest.approx(square(0.6, 1.4))
 
 
 @given(along=METRES, turn=st.sampled_from([-np.pi, 0.0, np.pi]), alpha=st.floats(0.3, 2.8))
@@ -116,6 +115,15 @@ def test_missing_lines_become_the_same_dummies_everywhere():
     assert elsewhere == pytest.approx(nothing)
     assert next_lines(square(0.5), ORIGIN) == pytest.approx(square(0.5, DUMMY_AHEAD))
     assert np.diff(next_lines(square(3.0), ORIGIN)[:, 0]) > 0.0
+
+
+def test_no_foothold_of_a_segment_lies_as_far_ahead_as_a_dummy(walk_segments):
+    dummy = next_lines(np.zeros((0, 3)), ORIGIN)[0, 0]
+    parts = SEGMENT_LAYOUT.unpack(walk_segments.tau)
+    ahead = [
+        parts[f"{foot}_{which}_foothold"][:, 0] for foot in FEET for which in ("first", "second")
+    ]
+    assert 0.5 < np.max(ahead) < dummy - 0.5
 
 
 def test_padding_lines_with_nan_changes_nothing():
