@@ -137,7 +137,7 @@ class EvaluationSection(Settings):
     Attributes:
         rollouts: Rollouts per replanner, one obstacle course each, the same for all.
         seed: Seed of the courses and starts.
-        library: Whether the trajectory library is evaluated too.
+        with_library: Whether the trajectory library is evaluated too.
         weights: Distance weights w of the nearest-neighbour look-ups, one evaluation each.
         rollout: The testbed.
         criteria: What counts as a close step and as a violated range of motion.
@@ -145,7 +145,7 @@ class EvaluationSection(Settings):
 
     rollouts: Count = 100
     seed: Seed = 0
-    library: bool = True
+    with_library: bool = True
     weights: Annotated[tuple[TaskWeights, ...], Field(min_length=1)] = (TaskWeights(),)
     rollout: RolloutSettings = RolloutSettings()
     criteria: Criteria = Criteria()

@@ -99,7 +99,7 @@ def trials(config: Configuration, data: LearningData, models: Sequence[Registere
     """The replanners that a configuration asks for with these data and models."""
     section = config.evaluation
     candidates: list[tuple[str, str | None]] = [(m.label, m.model_id) for m in models]
-    if section.library:
+    if section.with_library:
         candidates.append(("trajectory library", None))
     made = []
     for name, model_id in candidates:
@@ -109,7 +109,7 @@ def trials(config: Configuration, data: LearningData, models: Sequence[Registere
             label = name
             if len(choices) > 1:
                 label += f" w={','.join(f'{value:g}' for value in weights.values)}"
-            testbed = section.model_dump(mode="json", exclude={"library", "weights"})
+            testbed = section.model_dump(mode="json", exclude={"with_library", "weights"})
             digest = fingerprint(model_id, data.identity, weights, testbed)
             slug = name.split(" seed")[0].lower().replace(" ", "-")
             made.append(Trial(f"{slug}-{digest}", label, model_id, weights))
@@ -200,7 +200,7 @@ class _Recorder:
             "model_id": trial.model_id,
             "weights": list(trial.weights.values),
             "planner": records.to_json(tried.planner),
-            "settings": self.section.model_dump_json(exclude={"library", "weights"}),
+            "settings": self.section.model_dump_json(exclude={"with_library", "weights"}),
             "seed": self.section.seed,
             "summary": list(metrics.items()),
             "segments_version": self.data.version,
@@ -216,7 +216,7 @@ class _Recorder:
             "replanner": trial.label,
             "model_id": trial.model_id or "",
             "weight": trial.weights.model_dump(),
-            **self.section.model_dump(mode="json", exclude={"library", "weights"}),
+            **self.section.model_dump(mode="json", exclude={"with_library", "weights"}),
             **self.data.provenance,
         }
         tags = {
