@@ -1,11 +1,12 @@
 """Tables of the lake: idempotent appends, reads of any version (Delta Lake through delta-rs)."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeAlias
 from urllib.parse import unquote
 
+import duckdb
 import pyarrow as pa
 import pyarrow.dataset as pads
 from deltalake import CommitProperties, DeltaTable, Transaction, write_deltalake
@@ -119,10 +120,7 @@ class Lake:
         Raises:
             LakeError: The table, version or a column is missing, or the SQL is wrong.
         """
-        schema = self._chosen(table, columns)
-        views = self._views_for(table, where, version)
-        statement = _select(schema.names, table, where, order_by, limit)
-        with evaluated(views, statement) as relation:
+        with self._selected(table, columns, where, version, order_by, limit) as (relation, schema):
             return relation.to_arrow_table().cast(schema)
 
     def batches(
@@ -135,10 +133,7 @@ class Lake:
         limit: int | None = None,
     ) -> Iterator[pa.Table]:
         """The same a few rows at a time, for tables that are larger than the memory."""
-        schema = self._chosen(table, columns)
-        views = self._views_for(table, where, version)
-        statement = _select(schema.names, table, where, order_by, limit)
-        with evaluated(views, statement) as relation:
+        with self._selected(table, columns, where, version, order_by, limit) as (relation, schema):
             for batch in relation.to_arrow_reader(BATCH_ROWS):
                 if batch.num_rows:
                     yield pa.Table.from_batches([batch]).cast(schema)
@@ -238,6 +233,22 @@ class Lake:
                 raise_if_key_not_exists=False,
             )
         return self._open(table)
+
+    @contextmanager
+    def _selected(
+        self,
+        table: str,
+        columns: Sequence[str] | None,
+        where: str | None,
+        version: int | None,
+        order_by: str | None,
+        limit: int | None,
+    ) -> Iterator[tuple[duckdb.DuckDBPyRelation, pa.Schema]]:
+        """The chosen rows and the schema of the chosen columns, valid inside the block."""
+        schema = self._chosen(table, columns)
+        statement = _select(schema.names, table, where, order_by, limit)
+        with evaluated(self._views_for(table, where, version), statement) as relation:
+            yield relation, schema
 
     def _views_for(
         self, table: str, where: str | None, version: int | None
