@@ -22,3 +22,7 @@ class DataError(LmtrError):
 
 class ModelError(LmtrError):
     """A model does not fit its data, layout or file: train it again or choose another one."""
+
+
+class CompilationError(LmtrError):
+    """No machine code can be made here: mend compiler or cache, or do without."""

@@ -14,7 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from lmtr import __version__
-from lmtr.expert.compilation import COMPILERS
+from lmtr.expert.shared_library import c_compiler
 from pipelines.config import ClusterSection, Configuration
 from pipelines.provenance import code_version
 from pipelines.workspace import Workspace
@@ -95,7 +95,7 @@ def _machine(root: Path, _: ClusterSection) -> Iterator[Finding]:
 
 
 def _expert(root: Path, _: ClusterSection) -> Iterator[Finding]:
-    compiler = next((found for name in COMPILERS if (found := shutil.which(name))), None)
+    compiler = c_compiler()
     yield Finding(
         "C compiler",
         compiler or "none",

@@ -29,7 +29,7 @@ def value(function):
 
 
 def only_entry(folder):
-    (entry,) = folder.iterdir()
+    (entry,) = folder.glob("*.so")
     return entry
 
 
