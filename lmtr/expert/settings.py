@@ -146,6 +146,8 @@ class SolverSettings(Settings):
 
     Attributes:
         max_iterations: Iterations after which a solve is given up.
+        time_limit: Processor time after which it is given up (s). It only keeps a solve that
+            hangs from holding a run; a limit that others meet makes data depend on the machine.
         tolerance: Scaled optimality at which a solve has converged.
         constraint_tolerance: Largest constraint violation of a converged solve (scaled rows).
         early_objective_change: Relative change of the cost over an iteration below which a nearly
@@ -156,6 +158,7 @@ class SolverSettings(Settings):
     """
 
     max_iterations: Count = 200
+    time_limit: Positive = 120.0
     tolerance: Positive = 1e-3
     constraint_tolerance: Positive = 1e-4
     early_objective_change: Positive = 2e-4

@@ -23,6 +23,7 @@ _STATUS = {
     "Solve_Succeeded": Status.CONVERGED,
     "Solved_To_Acceptable_Level": Status.CONVERGED,
     "Maximum_Iterations_Exceeded": Status.ITERATION_LIMIT,
+    "Maximum_CpuTime_Exceeded": Status.TIME_LIMIT,
     "Infeasible_Problem_Detected": Status.INFEASIBLE,
     "Diverging_Iterates": Status.DIVERGED,
     "Restoration_Failed": Status.DIVERGED,
@@ -149,6 +150,7 @@ def _ipopt_options(settings: SolverSettings) -> dict[str, float | int | str]:
         "print_level": 0,
         "sb": "yes",
         "max_iter": settings.max_iterations,
+        "max_cpu_time": settings.time_limit,
         "tol": settings.tolerance,
         "constr_viol_tol": settings.constraint_tolerance,
         # A small barrier from the start: costs are of order one and guesses near-feasible.

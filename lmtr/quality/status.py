@@ -8,6 +8,7 @@ class Status(StrEnum):
 
     CONVERGED = "converged"
     ITERATION_LIMIT = "iteration_limit"
+    TIME_LIMIT = "time_limit"
     INFEASIBLE = "infeasible"
     DIVERGED = "diverged"
     ERROR = "error"

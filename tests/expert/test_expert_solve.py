@@ -161,6 +161,14 @@ def test_running_out_of_iterations_is_a_status(expert_cache, nearby, short):
     assert solution.trajectory.is_finite()
 
 
+def test_running_out_of_time_is_a_status(expert_cache, nearby, short):
+    hasty = short.model_copy(update={"solver": SolverSettings(time_limit=1e-6)})
+    solution = Expert(ANYMAL, hasty, expert_cache).solve(*nearby(0))
+    assert solution.status == Status.TIME_LIMIT, solution.message
+    assert solution.iterations <= 1
+    assert solution.trajectory.is_finite()
+
+
 def test_a_goal_out_of_reach_fails_as_a_status(short_expert, nearby):
     task, noise = nearby(0)
     far = replace(task, goal_pose_W=np.array([1.85, 0.0, 0.0]))

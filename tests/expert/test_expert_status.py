@@ -43,6 +43,7 @@ def outcome(drawn, monkeypatch):
         ("Solve_Succeeded", Status.CONVERGED),
         ("Solved_To_Acceptable_Level", Status.CONVERGED),
         ("Maximum_Iterations_Exceeded", Status.ITERATION_LIMIT),
+        ("Maximum_CpuTime_Exceeded", Status.TIME_LIMIT),
         ("Infeasible_Problem_Detected", Status.INFEASIBLE),
         ("Diverging_Iterates", Status.DIVERGED),
         ("Restoration_Failed", Status.DIVERGED),
