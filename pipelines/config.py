@@ -159,12 +159,25 @@ class ClusterSection(Settings):
         workers: Worker processes; none means one per core.
         commit_rows: Solutions that are committed to the lake together.
         commit_seconds: Solutions are committed at least this often (s).
+        cache: Absolute folder of compiled experts on every host, writable by its user alone; none
+            takes ``LMTR_CACHE`` or the user's own folder of caches.
     """
 
     address: str | None = None
     workers: Annotated[int, Field(ge=0)] | None = None
     commit_rows: Count = 25
     commit_seconds: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] = 20.0
+    cache: Path | None = None
+
+    @field_validator("cache")
+    @classmethod
+    def _same_from_everywhere(cls, cache: Path | None) -> Path | None:
+        if cache is not None and not cache.expanduser().is_absolute():
+            raise ValueError(
+                f"cache must be an absolute path, since workers run in other folders, got {cache}; "
+                "begin it with / or ~"
+            )
+        return cache
 
 
 class Configuration(Settings):

@@ -4,6 +4,7 @@ import os
 import platform
 import shutil
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib import import_module, metadata
@@ -14,10 +15,12 @@ from rich.table import Table
 from rich.text import Text
 
 from lmtr import __version__
-from lmtr.expert.shared_library import c_compiler
+from lmtr.errors import CompilationError
+from lmtr.expert.shared_library import c_compiler, require_private
 from pipelines.config import ClusterSection, Configuration
 from pipelines.provenance import code_version
 from pipelines.workspace import Workspace
+from services.cache import VARIABLE, machine_cache
 from services.cluster import Cluster
 from services.errors import ServiceError
 
@@ -94,16 +97,31 @@ def _machine(root: Path, _: ClusterSection) -> Iterator[Finding]:
     yield Finding("ffmpeg", ffmpeg or "none", "" if ffmpeg else "install it for mp4 (gif works)")
 
 
-def _expert(root: Path, _: ClusterSection) -> Iterator[Finding]:
+def _expert(_: Path, cluster: ClusterSection) -> Iterator[Finding]:
     compiler = c_compiler()
     yield Finding(
         "C compiler",
         compiler or "none",
         "" if compiler else "install gcc: without it the expert is about a fifth slower",
     )
-    built = sorted((root / "cache").glob("**/*.so")) if (root / "cache").is_dir() else []
-    state = f"{len(built)} in the cache" if built else "none yet: the first solve compiles it"
-    yield Finding("compiled experts", state)
+    folder = machine_cache(cluster.cache)
+    built = [entry.stat().st_size for entry in folder.glob("*.so")]
+    mend = _unfit(folder)
+    state = f"{len(built)} ({sum(built) / 1e6:.1f} MB)" if built else "none yet"
+    yield Finding("compiled experts", f"{state} in {folder}", mend)
+
+
+def _unfit(cache: Path) -> str:
+    """Why nothing can be compiled into this cache, and what to do about it; empty if it can."""
+    try:
+        require_private(cache)
+        with tempfile.TemporaryFile(dir=cache) as file:
+            file.write(b"?")
+    except CompilationError as error:
+        return str(error)
+    except OSError as error:
+        return f"{error.strerror or error}: name another folder in {VARIABLE}, or make room"
+    return ""
 
 
 def _cluster(_: Path, cluster: ClusterSection) -> Iterator[Finding]:

@@ -4,7 +4,6 @@ import functools
 import time
 from collections import Counter
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 from lmtr.expert.solve import Expert
@@ -18,14 +17,15 @@ from pipelines.config import Configuration
 from pipelines.progress import bar, say
 from pipelines.provenance import code_version
 from pipelines.workspace import Workspace
+from services.cache import machine_cache
 
 
 class SolveWorker:
     """Solves and judges tasks by index; one per process, so the compiled expert is loaded once."""
 
-    def __init__(self, config: Configuration, cache: Path) -> None:
+    def __init__(self, config: Configuration) -> None:
         self._config = config
-        self._expert = Expert(config.dataset.robot, config.expert, cache)
+        self._expert = _expert(config)
 
     def __call__(self, index: int) -> records.Row:
         """The row of ``solutions`` for the task of this index."""
@@ -65,7 +65,7 @@ def generate(config: Configuration, workspace: Workspace) -> str:
         if not missing:
             say(f"generate: {dataset_id} has {len(present)} solutions already, nothing to do")
             return dataset_id
-        _prepare_expert(config, workspace.home.cache)
+        _prepare_expert(config)
         writer = _Writer(workspace, dataset_id)
         with bar("Solving tasks", len(missing)) as progress:
             try:
@@ -85,7 +85,7 @@ def generate(config: Configuration, workspace: Workspace) -> str:
 def _solve(
     config: Configuration, workspace: Workspace, missing: list[int]
 ) -> Iterator[records.Row]:
-    make_worker = functools.partial(SolveWorker, config, workspace.home.cache)
+    make_worker = functools.partial(SolveWorker, config)
     with workspace.cluster(len(missing)) as cluster:
         for outcome in cluster.stream(make_worker, missing):
             if outcome.error is None:
@@ -97,13 +97,18 @@ def _solve(
                 }
 
 
-def _prepare_expert(config: Configuration, cache: Path) -> None:
+def _expert(config: Configuration) -> Expert:
+    """The expert, from the cache of the machine that this runs on."""
+    return Expert(config.dataset.robot, config.expert, machine_cache(config.cluster.cache))
+
+
+def _prepare_expert(config: Configuration) -> None:
     """Compile the expert before the workers start, so that they find it in the cache."""
-    report = Expert(config.dataset.robot, config.expert, cache).build_report
+    report = _expert(config).build_report
     if not report.compiled:
         say(f"generate: the expert runs interpreted, about a fifth slower: {report.reason}")
     elif not report.cached:
-        say(f"generate: expert compiled in {report.seconds:.0f} s, cached for later runs")
+        say(f"generate: expert compiled in {report.seconds:.0f} s, kept for all later runs")
 
 
 def _register(config: Configuration, workspace: Workspace) -> None:

@@ -82,11 +82,6 @@ class Home:
         """Folder of reports and pictures."""
         return self.root / "reports"
 
-    @property
-    def cache(self) -> Path:
-        """Folder of what can be made again at any time, such as compiled experts."""
-        return self.root / "cache"
-
     @contextmanager
     def lock(self, name: str) -> Iterator[None]:
         """Be the only process of this machine that does ``name`` in this home.

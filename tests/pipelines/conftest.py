@@ -33,6 +33,15 @@ workers = 0
 """
 
 
+@pytest.fixture(scope="session", autouse=True)
+def machine_cache(tmp_path_factory):
+    """A cache of the tests' own, also for the processes that they start."""
+    folder = tmp_path_factory.mktemp("machine") / "cache"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("LMTR_CACHE", str(folder))
+        yield folder
+
+
 @pytest.fixture(scope="session")
 def tiny_config(tmp_path_factory):
     path = tmp_path_factory.mktemp("configuration") / "tiny.toml"

@@ -24,6 +24,7 @@ def test_every_builtin_configuration_is_valid():
         ("tasks.goal_distance=[3.0, 2.0]", "goal_distance"),
         ("tasks.goal_distance=[9.0, 10.0]", "bring the goals closer"),
         ("tasks.foot_scatter=[0.5, 0.0]", "range of motion"),
+        ("cluster.cache=caches/lmtr", "cluster.cache: cache must be an absolute path"),
         ("nonsense", "section.key=value"),
     ],
 )

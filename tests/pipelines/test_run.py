@@ -117,6 +117,7 @@ def test_doctor_finds_a_good_home_good_and_a_broken_tracker_bad(lmtr, tiny_home,
     assert status == 0, out
     for word in ("casadi", "compiled experts", "table solutions", "MLflow"):
         assert word in out
+    assert re.search(r"[1-9]\d* \(\d+\.\d MB\) in", out)
     broken = tmp_path / "broken"
     shutil.copytree(tiny_home, broken)
     (broken / "mlflow.db").write_bytes(b"garbage" * 1000)

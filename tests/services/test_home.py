@@ -19,8 +19,8 @@ def test_a_home_is_made_once_and_found_again(tmp_path):
 def test_everything_lies_below_the_absolute_root(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     home = Home.open(Path("home"), create=True)
-    paths = (home.lake, home.tracking_db, home.artifacts, home.models, home.reports, home.cache)
-    assert len(set(paths)) == 6
+    paths = (home.lake, home.tracking_db, home.artifacts, home.models, home.reports)
+    assert len(set(paths)) == 5
     assert all(path.is_relative_to(tmp_path / "home") for path in paths)
 
 
