@@ -6,11 +6,13 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
+from lmtr.errors import TaskError
 from lmtr.expert.solve import Expert
 from lmtr.quality.filter import expected_cost, judge
 from lmtr.quality.measure import measure
 from lmtr.streams import Purpose, stream
-from lmtr.task.sampling import sample_noise, sample_task
+from lmtr.task.sampling import Noise, sample_noise, sample_task
+from lmtr.task.task import Task
 from lmtr.vectors.layout import SEGMENT_LAYOUT, TASK_LAYOUT
 from pipelines import records
 from pipelines.config import Configuration
@@ -30,9 +32,7 @@ class SolveWorker:
     def __call__(self, index: int) -> records.Row:
         """The row of ``solutions`` for the task of this index."""
         config, robot = self._config, self._config.dataset.robot
-        rng = stream(config.dataset.seed, Purpose.TASK, index)
-        task = sample_task(config.tasks, robot, rng)
-        noise = sample_noise(config.tasks, config.expert.scope.n_swings, rng)
+        task, noise = drawn(config, index)
         solution = self._expert.solve(task, noise)
         violations = measure(solution.trajectory, robot, task.obstacles_W)
         expected = expected_cost(task, robot, config.expert.cost_key, config.quality)
@@ -42,6 +42,13 @@ class SolveWorker:
             **records.task_columns(task, noise),
             **records.solution_columns(solution, verdict, violations, expected),
         }
+
+
+def drawn(config: Configuration, index: int) -> tuple[Task, Noise]:
+    """Task and noise of this index; they depend on it and the configuration alone."""
+    rng = stream(config.dataset.seed, Purpose.TASK, index)
+    task = sample_task(config.tasks, config.dataset.robot, rng)
+    return task, sample_noise(config.tasks, config.expert.scope.n_swings, rng)
 
 
 def identity(config: Configuration, index: int) -> records.Row:
@@ -91,10 +98,16 @@ def _solve(
             if outcome.error is None:
                 yield outcome.value
             else:
-                yield {
-                    **identity(config, outcome.item),
-                    **records.error_columns(outcome.error),
-                }
+                yield _failed(config, outcome.item, outcome.error)
+
+
+def _failed(config: Configuration, index: int, error: str) -> records.Row:
+    """The row of a task whose work failed outside the optimizer; nothing was solved."""
+    try:
+        posed = records.task_columns(*drawn(config, index))
+    except TaskError:  # drawing it is what failed
+        posed = {}
+    return {**identity(config, index), **posed, **records.error_columns(error)}
 
 
 def _expert(config: Configuration) -> Expert:

@@ -43,7 +43,12 @@ class InitialGuess:
 
 
 def initial_guess(task: Task, noise: Noise, robot: RobotModel, scope: Scope) -> InitialGuess:
-    """Build τ̄₀ = h(x̄, ξ̄) in the world frame."""
+    """Build τ̄₀ = h(x̄, ξ̄) in the world frame.
+
+    Raises:
+        TaskError: The noise was drawn for another scope.
+    """
+    noise.require_scope(scope.n_swings)
     order = gait_order(task, robot)
     times = contact_times(scope, order, noise)
     feet = _footholds(task, noise, robot, scope, times)

@@ -13,7 +13,7 @@ from pydantic import Field
 from lmtr.arrays import Array
 from lmtr.robot.model import N_FEET, RobotModel
 from lmtr.settings import NonNegative, PositiveRange, Settings, ascending
-from lmtr.task.task import MAX_OBSTACLES, Task
+from lmtr.task.task import MAX_OBSTACLES, Task, require_array
 
 Lines = Annotated[int, Field(ge=0, le=MAX_OBSTACLES)]
 """How many obstacle lines."""
@@ -61,6 +61,18 @@ class Noise:
 
     amplitudes: Array
     timing: Array
+
+    def __post_init__(self) -> None:
+        require_array("noise", "amplitudes", self.amplitudes, (len(self.amplitudes), 3))
+        require_array("noise", "timing", self.timing, (N_FEET, np.shape(self.timing)[-1]))
+
+    def require_scope(self, n_swings: int) -> None:
+        """Refuse to be used for another number N̄_p of swings than it was drawn for.
+
+        Raises:
+            TaskError: There is not one offset for each contact change.
+        """
+        require_array("noise", "timing", self.timing, (N_FEET, 2 * n_swings))
 
     def on_base(self, phase: Array) -> Array:
         """Offsets of x, y (m) and yaw (rad) at times t = phase·T̄, (..., 3); zero at both ends."""

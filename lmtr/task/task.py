@@ -32,12 +32,8 @@ class Task:
     def __post_init__(self) -> None:
         shapes = {"start_pose_W": (3,), "start_feet_W": (N_FEET, 2), "goal_pose_W": (3,)}
         for name, shape in shapes.items():
-            _require_shape(name, getattr(self, name), shape)
-        _require_shape("obstacles_W", self.obstacles_W, (len(self.obstacles_W), 3))
-        for name in (*shapes, "obstacles_W"):
-            array = getattr(self, name)
-            if not np.isfinite(array).all():
-                raise TaskError(f"task: {name} must be finite, got {np.asarray(array).tolist()}")
+            require_array("task", name, getattr(self, name), shape)
+        require_array("task", "obstacles_W", self.obstacles_W, (len(self.obstacles_W), 3))
 
     def start_feet_B(self) -> Array:
         """Start feet relative to the start pose, (4, 2) in m."""
@@ -82,6 +78,13 @@ def reach(robot: RobotModel, n_swings: int) -> float:
     return 2.0 * 2.0 * robot.range_of_motion[0] * (n_swings + 1)
 
 
-def _require_shape(name: str, array: Array, shape: tuple[int, ...]) -> None:
+def require_array(owner: str, name: str, array: Array, shape: tuple[int, ...]) -> None:
+    """Refuse an array of another shape, or one that is not finite throughout.
+
+    Raises:
+        TaskError: It names the array and what was received.
+    """
     if np.shape(array) != shape:
-        raise TaskError(f"task: {name} must have shape {shape}, got {np.shape(array)}")
+        raise TaskError(f"{owner}: {name} must have shape {shape}, got {np.shape(array)}")
+    if not np.isfinite(array).all():
+        raise TaskError(f"{owner}: {name} must be finite, got {np.asarray(array).tolist()}")

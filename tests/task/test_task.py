@@ -13,6 +13,7 @@ from lmtr.streams import Purpose, stream
 from lmtr.task.sampling import TaskDistribution, gait_order, sample_noise, sample_task
 
 TASK = sample_task(TaskDistribution(), ANYMAL, stream(0, Purpose.TASK, 0))
+NOISE = sample_noise(TaskDistribution(), 6, stream(0, Purpose.TASK, 0))
 
 
 @pytest.mark.parametrize("name", ["start_pose_W", "start_feet_W", "goal_pose_W", "obstacles_W"])
@@ -21,6 +22,29 @@ def test_a_number_that_is_not_finite_is_refused_by_its_field(name):
     spoilt.flat[0] = np.nan
     with pytest.raises(TaskError, match=name):
         replace(TASK, **{name: spoilt})
+
+
+@pytest.mark.parametrize("name", ["amplitudes", "timing"])
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
+def test_noise_that_is_not_finite_is_refused_by_its_field(name, wrong):
+    spoilt = np.array(getattr(NOISE, name))
+    spoilt[-1, -1] = wrong
+    with pytest.raises(TaskError, match=f"noise: {name} must be finite"):
+        replace(NOISE, **{name: spoilt})
+
+
+@pytest.mark.parametrize(
+    ("name", "shape"), [("amplitudes", (3, 2)), ("timing", (3, 12)), ("timing", (12,))]
+)
+def test_noise_of_another_shape_is_refused_by_its_field(name, shape):
+    with pytest.raises(TaskError, match=f"noise: {name} must have shape"):
+        replace(NOISE, **{name: np.zeros(shape)})
+
+
+def test_noise_serves_the_number_of_swings_that_it_was_drawn_for():
+    NOISE.require_scope(6)
+    with pytest.raises(TaskError, match=r"timing must have shape \(4, 10\), got \(4, 12\)"):
+        NOISE.require_scope(5)
 
 
 def test_a_goal_out_of_reach_is_refused():
