@@ -1,104 +1,179 @@
-"""Measure the expert: processor time, iterations, convergence and obstacle avoidance.
+"""Measure the expert: processor time, convergence, acceptance, and what its solutions violate.
 
-    python benchmarks/expert.py --tasks 50 --out expert.json
+    python benchmarks/expert.py --tasks 200 --out expert.json
+    python benchmarks/expert.py --against ../previous            # its time over another checkout's
+    python benchmarks/expert.py --against-set expert.obstacle_weight=0
 
-Tasks and noise are those of a data set with the same seed, so two runs differ in nothing but time.
-The second round, without the obstacle cost, shows what that cost does to the closest foothold.
+Tasks and noise are those of a data set with the same configuration and seed. Every figure stands
+beside its goal and its ratio to the last recorded result. Times of two runs differ by what else the
+machine does, so another checkout, or this one with other settings, can be measured in the same run:
+both experts take turns, task by task. Settings are named as in the configuration of a run.
 """
 
 import json
+import tempfile
 from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
 from rich.console import Console
-from rich.progress import track
-from rich.table import Table
 
-from lmtr.expert.settings import ExpertSettings
-from lmtr.expert.solve import Expert, Status
-from lmtr.quality.kinematics import closest_footholds
+from benchmarks.solving.figures import PEER, Summary, summarise
+from benchmarks.solving.lanes import HERE, Contender, open_lanes, solve_all
+from benchmarks.solving.pairs import PairedRatio, compare
+from benchmarks.solving.record import (
+    Result,
+    circumstances,
+    differences,
+    plain,
+    read_record,
+    write_record,
+)
+from benchmarks.solving.rows import Row, count_reasons, draw_tasks, solve_row
+from benchmarks.solving.tables import figures_table, outcomes, pairs_table, reasons_table
+from benchmarks.solving.worker import Reply, configuration
+from lmtr.errors import LmtrError
 from lmtr.robot.model import ROBOTS
-from lmtr.streams import Purpose, stream
-from lmtr.task.sampling import TaskDistribution, sample_noise, sample_task
+from pipelines.config import Configuration
+from pipelines.progress import bar
 
-Row = dict[str, float]
+console = Console()
+if not console.is_terminal:
+    console = Console(width=120)  # in a file or a pipe nothing needs to be cut
 
-UNITS = {
-    "cpu_s": "CPU (s)",
-    "iterations": "iterations",
-    "cost": "cost",
-    "closest_foothold_m": "closest foothold to a line (m)",
-    "liftoff_swaps": "lift-offs swapped",
-}
+
+@dataclass(frozen=True)
+class Measured:
+    """An expert's rows and summary.
+
+    Attributes:
+        config: Its settings, as this checkout reads them.
+        setup: What its worker told of the set-up.
+        rows: One for each task.
+        summary: Its figures.
+    """
+
+    config: Configuration
+    setup: Reply
+    rows: list[Row]
+    summary: Summary
 
 
 def main(
-    tasks: Annotated[int, typer.Option(min=1, help="Tasks per round.")] = 50,
-    seed: Annotated[int, typer.Option(help="Seed of the task distribution.")] = 0,
-    robot: Annotated[str, typer.Option(help=f"One of {', '.join(ROBOTS)}.")] = "anymal",
-    cache: Annotated[Path, typer.Option(help="Folder of compiled problems.")] = Path(".cache"),
-    interpret: Annotated[bool, typer.Option(help="Do not compile.")] = False,
+    tasks: Annotated[int, typer.Option(min=1, help="Tasks to solve.")] = 200,
+    seed: Annotated[int | None, typer.Option(help="Seed of tasks; else the settings'.")] = None,
+    robot: Annotated[str | None, typer.Option(help=f"One of {', '.join(ROBOTS)}.")] = None,
+    settings: Annotated[str | None, typer.Option(help="Configuration of a run, TOML.")] = None,
+    overrides: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Override a setting; may be repeated."),
+    ] = None,
+    cache: Annotated[
+        Path | None, typer.Option(help="Folder of compiled problems; else a fresh one.")
+    ] = None,
+    processes: Annotated[int, typer.Option(min=1, help="Solves at a time.")] = 1,
+    against: Annotated[
+        Path | None, typer.Option(help="Another checkout, measured in turns with this one.")
+    ] = None,
+    against_overrides: Annotated[
+        list[str] | None,
+        typer.Option("--against-set", metavar="KEY=VALUE", help="Override one of the other only."),
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="JSON file with every solve.")] = None,
+    record: Annotated[bool, typer.Option("--record", help="Keep as the recorded result.")] = False,
 ) -> None:
-    """Solve tasks with and without the obstacle cost, and print a table."""
-    settings = ExpertSettings()
-    console, report = Console(), {}
-    for name, weight in (("with", settings.obstacle_weight), ("without", 0.0)):
-        expert = Expert(
-            ROBOTS[robot],
-            settings.model_copy(update={"obstacle_weight": weight}),
-            None if interpret else cache,
-        )
-        build = expert.build_report
-        console.print(
-            f"obstacle cost {name}: {'compiled' if build.compiled else 'interpreted'}"
-            f"{', from cache' if build.cached else ''} ({build.seconds:.1f} s) {build.reason}"
-        )
-        rows = [solve(expert, seed, index) for index in track(range(tasks), console=console)]
-        console.print(table(f"{robot}, obstacle cost {name}", rows))
-        report[name] = rows
+    """Solve tasks; print every figure beside its goal and its ratio to the recorded result."""
+    named = (*([f"dataset.robot={robot}"] if robot else []), *(overrides or []))
+    contenders = [Contender(HERE, settings, named)]
+    if against is not None or against_overrides:
+        differing = (*named, *(against_overrides or []))
+        contenders.append(Contender(against or HERE, settings, differing))
+    try:
+        seed = configuration(settings, named).dataset.seed if seed is None else seed
+        experts = measure_experts(contenders, tasks, seed, cache, processes)
+        report(experts, seed, out, record)
+    except LmtrError as error:
+        console.print(f"error: {error}", style="red", markup=False, soft_wrap=True)
+        raise typer.Exit(1) from error
+
+
+def measure_experts(
+    contenders: Sequence[Contender], count: int, seed: int, cache: Path | None, processes: int
+) -> list[Measured]:
+    """Let all contenders solve the same tasks, those of the first one's distribution."""
+    configs = [configuration(c.source, c.overrides) for c in contenders]
+    tasks = draw_tasks(configs[0], seed, count)
+    with ExitStack() as stack:
+        folder = cache or Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        lanes = stack.enter_context(open_lanes(contenders, processes, folder))
+        setups = [worker.setup for worker in lanes[0]]
+        progress = stack.enter_context(bar("Solving tasks", count))
+        replies = solve_all(lanes, tasks, progress.advance)
+    experts = []
+    for config, setup, answers in zip(configs, setups, zip(*replies, strict=True), strict=True):
+        rows = [
+            solve_row(index, task, reply, config, setup["cost_key"])
+            for index, ((task, _), reply) in enumerate(zip(tasks, answers, strict=True))
+        ]
+        fresh = setup["compiled"] and not setup["cached"]
+        summary = summarise(rows, setup["setup_s"] if fresh else np.nan)
+        experts.append(Measured(config, setup, rows, summary))
+    return experts
+
+
+def report(experts: Sequence[Measured], seed: int, out: Path | None, record: bool) -> None:
+    """Print the tables, write the files that are asked for."""
+    ours, *others = experts
+    robot, count = ours.config.dataset.robot.name, len(ours.rows)
+    now = Result(circumstances(ours.config, seed, count, ours.setup["casadi"]), ours.summary)
+    recorded = read_record(robot)
+    title = f"{robot}, {count} tasks of seed {seed}, {now.circumstances.code}"
+    beside = others[0].summary if others else None
+    console.print(figures_table(title, now, beside, recorded))
+    ratios: dict[str, PairedRatio] = {}
+    if others:
+        same_costs = ours.setup["cost_key"] == others[0].setup["cost_key"]
+        ratios = compare(ours.rows, others[0].rows, seed, same_costs=same_costs)
+        console.print(pairs_table(ratios))
+    if reasons := count_reasons(ours.rows):
+        console.print(reasons_table(reasons, count))
+    for note in notes(experts, now, recorded):
+        console.print(note, soft_wrap=True, markup=False, highlight=False)
     if out is not None:
-        content = {"robot": robot, "seed": seed, "settings": settings.model_dump(), "rows": report}
-        out.write_text(json.dumps(content, indent=1))
+        content = {
+            **asdict(now),
+            "pairs": {name: asdict(found) for name, found in ratios.items()},
+            "reasons": {reason: counts[0] for reason, counts in reasons.items()},
+            "rows": ours.rows,
+            "other": [{"summary": other.summary, "rows": other.rows} for other in others],
+        }
+        out.write_text(json.dumps(plain(content), indent=1) + "\n")
+    if record:
+        write_record(robot, now)
 
 
-def solve(expert: Expert, seed: int, index: int) -> Row:
-    """Figures of one solve."""
-    distribution, rng = TaskDistribution(), stream(seed, Purpose.TASK, index)
-    task = sample_task(distribution, expert.robot, rng)
-    noise = sample_noise(distribution, expert.settings.scope.n_swings, rng)
-    solution, lines = expert.solve(task, noise), task.obstacles_W
-    return {
-        "index": index,
-        "converged": float(solution.status == Status.CONVERGED),
-        "cpu_s": solution.solve_cpu_s,
-        "iterations": solution.iterations,
-        "cost": solution.cost,
-        "closest_foothold_m": min(closest_footholds(solution.trajectory, lines), default=np.inf),
-        "liftoff_swaps": solution.liftoff_swaps,
-        "window_active": float(solution.window_active),
-        "violation": max(solution.constraint_violation.values()),
-    }
-
-
-def table(title: str, rows: Sequence[Row]) -> Table:
-    """Quantiles over all solves."""
-    shown = Table("", "p10", "median", "p90", "worst", title=title)
-    for key, label in UNITS.items():
-        values = np.array([row[key] for row in rows])
-        worst = values.min() if key == "closest_foothold_m" else values.max()
-        quantiles = [*np.quantile(values, [0.1, 0.5, 0.9]), worst]
-        shown.add_row(label, *[f"{value:.3g}" for value in quantiles])
-    converged = int(sum(row["converged"] for row in rows))
-    touched = int(sum(row["window_active"] for row in rows))
-    shown.caption = (
-        f"{converged} of {len(rows)} converged ({converged / len(rows):.1%}); "
-        f"{touched} touch a timing window"
-    )
-    return shown
+def notes(experts: Sequence[Measured], now: Result, recorded: Result | None) -> list[str]:
+    """What a reader must know to read the tables right."""
+    said = []
+    for name, expert in zip(("this expert", "the other expert"), experts, strict=False):
+        said.append(f"{name}: {outcomes([row['status'] for row in expert.rows])}")
+        if not expert.setup["compiled"]:
+            said.append(f"{name} ran interpreted: {expert.setup['reason']}")
+        if unmeasured := [row["unmeasured"] for row in expert.rows if "unmeasured" in row]:
+            said.append(f"{name}: {len(unmeasured)} solves could not be measured: {unmeasured[0]}")
+        if not any(row.get("expected_cost") for row in expert.rows):
+            said.append(f"{name}: no cost is expected with these settings, so none was judged")
+    if recorded is None:
+        said.append("No result is recorded yet; --record keeps this one.")
+    else:
+        kept = recorded.circumstances
+        said.append(f"The record is of {kept.code}, {kept.day}.")
+        said += [f"  {text}" for text in differences(now.circumstances, kept)]
+    return [*said, PEER]
 
 
 if __name__ == "__main__":

@@ -1,0 +1,1 @@
+"""Benchmarks, run by hand: ``expert.py`` and ``planner.py``."""
