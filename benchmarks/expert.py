@@ -93,12 +93,18 @@ def main(
         differing = (*named, *(against_overrides or []))
         contenders.append(Contender(against or HERE, settings, differing))
     try:
-        seed = configuration(settings, named).dataset.seed if seed is None else seed
+        config = configuration(settings, named)
+        seed = config.dataset.seed if seed is None else seed
+        recorded = read_record(config.dataset.robot.name)  # before the work, lest that be lost
         experts = measure_experts(contenders, tasks, seed, cache, processes)
-        report(experts, seed, out, record)
+        now = report(experts, seed, recorded)
     except LmtrError as error:
         console.print(f"error: {error}", style="red", markup=False, soft_wrap=True)
         raise typer.Exit(1) from error
+    if out is not None:
+        write_rows(out, now, experts)
+    if record:
+        write_record(config.dataset.robot.name, now)
 
 
 def measure_experts(
@@ -125,35 +131,47 @@ def measure_experts(
     return experts
 
 
-def report(experts: Sequence[Measured], seed: int, out: Path | None, record: bool) -> None:
-    """Print the tables, write the files that are asked for."""
+def report(experts: Sequence[Measured], seed: int, recorded: Result | None) -> Result:
+    """Print the tables; returns this expert's result."""
     ours, *others = experts
-    robot, count = ours.config.dataset.robot.name, len(ours.rows)
-    now = Result(circumstances(ours.config, seed, count, ours.setup["casadi"]), ours.summary)
-    recorded = read_record(robot)
-    title = f"{robot}, {count} tasks of seed {seed}, {now.circumstances.code}"
+    count, casadi = len(ours.rows), ours.setup["casadi"]
+    now = Result(circumstances(ours.config, seed, count, casadi), ours.summary)
+    title = f"{ours.config.dataset.robot.name}, {count} tasks of seed {seed}"
     beside = others[0].summary if others else None
-    console.print(figures_table(title, now, beside, recorded))
-    ratios: dict[str, PairedRatio] = {}
+    console.print(figures_table(f"{title}, {now.circumstances.code}", now, beside, recorded))
     if others:
-        same_costs = ours.setup["cost_key"] == others[0].setup["cost_key"]
-        ratios = compare(ours.rows, others[0].rows, seed, same_costs=same_costs)
-        console.print(pairs_table(ratios))
+        console.print(pairs_table(paired(ours, others[0], seed)))
     if reasons := count_reasons(ours.rows):
         console.print(reasons_table(reasons, count))
     for note in notes(experts, now, recorded):
         console.print(note, soft_wrap=True, markup=False, highlight=False)
-    if out is not None:
-        content = {
-            **asdict(now),
-            "pairs": {name: asdict(found) for name, found in ratios.items()},
-            "reasons": {reason: counts[0] for reason, counts in reasons.items()},
-            "rows": ours.rows,
-            "other": [{"summary": other.summary, "rows": other.rows} for other in others],
-        }
-        out.write_text(json.dumps(plain(content), indent=1) + "\n")
-    if record:
-        write_record(robot, now)
+    return now
+
+
+def paired(ours: Measured, other: Measured, seed: int) -> dict[str, PairedRatio]:
+    """This expert over the other, task by task."""
+    same_costs = ours.setup["cost_key"] == other.setup["cost_key"]
+    return compare(ours.rows, other.rows, seed, same_costs=same_costs)
+
+
+def write_rows(out: Path, now: Result, experts: Sequence[Measured]) -> None:
+    """Everything that was measured, as JSON."""
+    ours, *others = experts
+    seed = now.circumstances.seed
+    content = {
+        **asdict(now),
+        "rows": ours.rows,
+        "others": [
+            {
+                "summary": other.summary,
+                "ratios": {key: asdict(r) for key, r in paired(ours, other, seed).items()},
+                "rows": other.rows,
+            }
+            for other in others
+        ],
+    }
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.write_text(json.dumps(plain(content), indent=1) + "\n", encoding="utf-8")
 
 
 def notes(experts: Sequence[Measured], now: Result, recorded: Result | None) -> list[str]:

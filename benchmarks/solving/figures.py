@@ -66,8 +66,8 @@ GOALS = {
 """In SI units, forces in weights of the robot."""
 
 PEER = (
-    "TOWR's figures (C++) were measured on another machine, so its times tell no more than an "
-    "order of magnitude. It solved an easier problem: the same walk with free phase durations, "
+    "TOWR's figures (C++, ANYmal) were measured on another machine, so its times tell no more than "
+    "an order of magnitude. It solved an easier problem: the same walk with free phase durations, "
     "but no cost and no obstacles. Its angular residual peaks at 5 to 6 N·m and more."
 )
 

@@ -195,9 +195,11 @@ def test_two_experts_solve_the_same_two_tasks(tmp_path):
     done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
     assert "CPU per solve" in done.stdout
     written = json.loads(out.read_text())
-    assert [len(written["rows"]), len(written["other"][0]["rows"])] == [2, 2]
-    for ours, theirs in zip(written["rows"], written["other"][0]["rows"], strict=True):
+    (other,) = written["others"]
+    assert [len(written["rows"]), len(other["rows"])] == [2, 2]
+    for ours, theirs in zip(written["rows"], other["rows"], strict=True):
         assert ours["converged"]
         assert theirs["converged"]
         assert ours["cost"] != theirs["cost"]
         assert ours["closest_foothold"] > 0.05
+    assert other["ratios"]["CPU"]["pairs"] == 2
