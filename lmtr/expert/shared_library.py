@@ -203,16 +203,24 @@ def _build(code: str, compiler: str, flags: Sequence[str], path: Path, key: str)
     with tempfile.TemporaryDirectory(dir=path.parent, prefix=_SITE) as folder:
         source, built = Path(folder) / "source.c", Path(folder) / "library.so"
         source.write_text(code, encoding="utf-8")
-        subprocess.run(
-            [compiler, *flags, "-o", str(built), str(source), "-lm"],
-            capture_output=True,
-            check=True,
-            timeout=COMPILER_LIMIT_S,
-        )
+        _run([compiler, *flags, "-o", str(built), str(source), "-lm"], Path(folder) / "said")
         # Loaders ignore what follows the sections they map.
         with built.open("ab") as file:
             file.write(_digest(key, built.read_bytes()))
         os.replace(built, path)
+
+
+def _run(command: list[str], said: Path) -> None:
+    """Run a compiler; what it says goes to a file.
+
+    A pipe would be held open by the compiler's own children when it is stopped for being late.
+    """
+    with said.open("wb") as file:
+        run = subprocess.run(
+            command, stdout=file, stderr=file, check=False, timeout=COMPILER_LIMIT_S
+        )
+    if run.returncode:
+        raise subprocess.CalledProcessError(run.returncode, command, stderr=said.read_bytes())
 
 
 def _mark_used(path: Path) -> None:
@@ -241,4 +249,6 @@ def _one_line(error: Exception) -> str:
     if isinstance(error, subprocess.CalledProcessError):
         said = error.stderr.decode(errors="replace")
         text = f"{Path(error.cmd[0]).name} exited with {error.returncode}: {said}"
+    elif isinstance(error, subprocess.TimeoutExpired):
+        text = f"{Path(error.cmd[0]).name} did not end within {error.timeout:.0f} s"
     return " ".join(text.split())[:300]

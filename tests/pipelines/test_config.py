@@ -1,9 +1,14 @@
 """A configuration is checked whole, and every fault is one line that names key and mend."""
 
+import copy
+import functools
+import operator
+import tomllib
+
 import pytest
 
 from lmtr.errors import ConfigurationError
-from pipelines.config import builtin_names, load, parse
+from pipelines.config import as_toml, builtin_names, load, parse
 
 
 def test_every_builtin_configuration_is_valid():
@@ -57,6 +62,29 @@ def test_overrides_win_over_the_file_and_later_ones_over_earlier_ones(tmp_path):
     path.write_text("[dataset]\nsolutions = 5\nseed = 3\n")
     config = load(str(path), ["dataset.solutions=6", "dataset.solutions=7"])
     assert (config.dataset.solutions, config.dataset.seed) == (7, 3)
+
+
+def numbers_below(tree, path=()):
+    """Paths of all real numbers in a tree of settings."""
+    for key, value in tree.items() if isinstance(tree, dict) else enumerate(tree):
+        if isinstance(value, (dict, list)):
+            yield from numbers_below(value, (*path, key))
+        elif isinstance(value, float):
+            yield (*path, key)
+
+
+@pytest.mark.parametrize("wrong", [float("nan"), float("inf"), float("-inf")])
+def test_every_setting_that_is_not_finite_is_refused_by_its_name(wrong):
+    whole = tomllib.loads(as_toml(parse({})))
+    paths = list(numbers_below(whole))
+    assert len(paths) > 100
+    for path in paths:
+        tree = copy.deepcopy(whole)
+        *above, last = path
+        functools.reduce(operator.getitem, above, tree)[last] = wrong
+        with pytest.raises(ConfigurationError) as caught:
+            parse(tree)
+        assert ".".join(map(str, path)) in str(caught.value)
 
 
 def test_the_dataset_id_depends_on_what_decides_the_rows_and_on_nothing_else():
