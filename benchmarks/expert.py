@@ -3,6 +3,7 @@
     python benchmarks/expert.py --tasks 200 --out expert.json
     python benchmarks/expert.py --against ../previous            # its time over another checkout's
     python benchmarks/expert.py --against-set expert.obstacle_weight=0
+    python benchmarks/expert.py --against-set 'dataset.robot.range_of_motion=[0.2, 0.12, 0.1]'
 
 Tasks and noise are those of a data set with the same configuration and seed. Every figure stands
 beside its goal and its ratio to the last recorded result. Times of two runs differ by what else the

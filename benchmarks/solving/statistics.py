@@ -40,21 +40,21 @@ def median(name: str, among: Among = Among.ALL) -> Statistic:
     return quantile(name, 0.5, among)
 
 
-def mean(name: str, among: Among = Among.ALL) -> Statistic:
+def mean(name: str) -> Statistic:
     """The mean of a column."""
 
     def statistic(rows: Sequence[Row]) -> float:
-        values = column(rows, name, among)
+        values = column(rows, name)
         return float(np.mean(values)) if values else np.nan
 
     return statistic
 
 
-def share(name: str, among: Among = Among.ALL) -> Statistic:
+def share(name: str) -> Statistic:
     """The part of the solves for which a column is not zero."""
 
     def statistic(rows: Sequence[Row]) -> float:
-        values = column(rows, name, among)
+        values = column(rows, name)
         return float(np.mean(np.array(values) != 0.0)) if values else np.nan
 
     return statistic

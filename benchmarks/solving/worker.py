@@ -90,11 +90,13 @@ def solve(expert: Expert, task: Mapping[str, Any], noise: Mapping[str, Any]) -> 
     trajectory = solution.trajectory
     return {
         "cpu_s": cpu_s,
+        "solver_cpu_s": solution.solve_cpu_s,
         "status": str(solution.status),
         "iterations": solution.iterations,
         "cost": solution.cost,
         "liftoff_swaps": solution.liftoff_swaps,
         "window_active": solution.window_active,
+        "saturated": getattr(solution, "saturated", ()),  # experts did not always tell
         "constraint_violation": max(solution.constraint_violation.values()),
         "trajectory": {f.name: getattr(trajectory, f.name) for f in fields(trajectory)},
     }
