@@ -126,6 +126,20 @@ def test_doctor_finds_a_good_home_good_and_a_broken_tracker_bad(lmtr, tiny_home,
     assert "✗" in out
 
 
+def test_doctor_says_how_to_mend_a_cache_that_others_can_write_to(lmtr, tmp_path, monkeypatch):
+    cache = tmp_path / "cache"
+    cache.mkdir()
+    cache.chmod(0o777)
+    monkeypatch.setenv("LMTR_CACHE", str(cache))
+    monkeypatch.setenv("COLUMNS", "1000")
+    status, out, _ = lmtr("doctor", "--home", tmp_path / "home")
+    assert status == 0, out
+    assert f"none yet in {cache}" in out
+    assert f"chmod go-w {cache}" in out
+    status, out, _ = lmtr("doctor", "--home", tmp_path / "home", "--set", "cluster.cache=/dev/null")
+    assert "File exists: name another folder in LMTR_CACHE" in out
+
+
 def test_runs_are_logged_with_curves_metrics_and_data_version(lake, tiny_home):
     from mlflow import MlflowClient
 
