@@ -36,7 +36,14 @@ class SolveWorker:
         solution = self._expert.solve(task, noise)
         violations = measure(solution.trajectory, robot, task.obstacles_W)
         expected = expected_cost(task, robot, config.expert.cost_key, config.quality)
-        verdict = judge(str(solution.status), solution.cost, expected, violations, config.quality)
+        verdict = judge(
+            str(solution.status),
+            solution.cost,
+            expected,
+            violations,
+            config.quality,
+            solution.saturated,
+        )
         return {
             **identity(config, index),
             **records.task_columns(task, noise),

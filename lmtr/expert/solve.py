@@ -15,6 +15,7 @@ from lmtr.arrays import Array
 from lmtr.expert.compilation import compiled
 from lmtr.expert.formulation import formulate, parameter_values
 from lmtr.expert.initial_guess import InitialGuess, initial_guess
+from lmtr.expert.saturation import WINDOW, saturated
 from lmtr.expert.settings import ExpertSettings
 from lmtr.expert.solver import InteriorPoint, Outcome
 from lmtr.expert.variables import pack, unpack
@@ -25,9 +26,6 @@ from lmtr.task.task import Task
 from lmtr.trajectory.trajectory import Trajectory
 
 __all__ = ["Expert", "Solution", "Status"]
-
-WINDOW_MARGIN = 1e-3
-"""Distance to the edge of a timing window at which it counts as touched (s)."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +45,8 @@ class Solution:
         guess: The initial guess in the world frame.
         order: Feet in the order of their first swings in the guess.
         liftoff_swaps: Pairs of lift-offs of different feet whose order differs from the guess's.
-        window_active: Whether a contact change touches its timing window: the problem's sparsity
-            then limits the solution, and it may deserve a wider window.
+        saturated: Limits of the problem that the solution lies on, see
+            :mod:`lmtr.expert.saturation`.
     """
 
     status: Status
@@ -62,7 +60,15 @@ class Solution:
     guess: Trajectory
     order: tuple[int, int, int, int]
     liftoff_swaps: int
-    window_active: bool
+    saturated: tuple[str, ...]
+
+    @property
+    def window_active(self) -> bool:
+        """Whether a contact change touches its timing window.
+
+        The problem's sparsity then limits the solution, and it may deserve a wider window.
+        """
+        return WINDOW in self.saturated
 
 
 class Expert:
@@ -135,7 +141,9 @@ class Expert:
             guess=guess.trajectory,
             order=guess.order,
             liftoff_swaps=_swaps(guess.trajectory.liftoff_times, trajectory.liftoff_times),
-            window_active=self._window_active(last),
+            saturated=saturated(
+                trajectory, guess.order, self._problem.windows, self.robot, self.settings
+            ),
         )
 
     def _cost_terms(self, x: Array, parameters: Array) -> dict[str, float]:
@@ -152,11 +160,6 @@ class Expert:
         }
         violation["bounds"] = float(_excess(x, problem.lower, problem.upper).max())
         return violation
-
-    def _window_active(self, x: Array) -> bool:
-        times = self._problem.variables.unpack(x)["times"]
-        departure = np.abs(times - self._problem.windows.nominal[:, 1:-1])
-        return bool((departure > self.settings.limits.window - WINDOW_MARGIN).any())
 
 
 def _excess(value: Array, lower: Array, upper: Array) -> Array:

@@ -15,21 +15,26 @@ def range_of_motion_overshoot(
 ) -> tuple[float, float]:
     """How far feet leave their box in the base frame, in stance and in swing (m).
 
-    The base frame is turned by the full rotation. A swing foot is lifted on purpose, so its height
-    is judged by the point of the ground below it, and x and y by the foot itself.
+    The base frame is turned by the full rotation, and feet are where they are, in all three axes,
+    as in the constraint that the expert holds at its samples (Sec. 4.1; TOWR's range of motion).
+    One allowance is made: a foot that is lifted folds its leg, which legs can, so upwards the box
+    of a swing foot grows by the lift. Downwards a leg can but stretch, so there it does not.
     """
-    excess = _box_excess(motion, feet.position, robot)
-    below = feet.position * np.array([1.0, 1.0, 0.0])
-    lifted = np.concatenate([excess[..., :2], _box_excess(motion, below, robot)[..., 2:]], axis=-1)
-    stance = np.where(feet.contact, excess.max(axis=-1), 0.0)
-    swing = np.where(feet.contact, 0.0, lifted.max(axis=-1))
+    offset = _offset(motion, feet.position, robot)
+    ground = _offset(motion, feet.position * np.array([1.0, 1.0, 0.0]), robot)
+    # Down, the foot itself may not be too far; up, the ground below it may not be too near.
+    vertical = np.maximum(-offset[..., 2], ground[..., 2])
+    lifted = np.concatenate([np.abs(offset[..., :2]), vertical[..., None]], axis=-1)
+    box = np.array(robot.range_of_motion)
+    stance = np.where(feet.contact, (np.abs(offset) - box).max(axis=-1), 0.0)
+    swing = np.where(feet.contact, 0.0, (lifted - box).max(axis=-1))
     return _largest(stance), _largest(swing)
 
 
-def _box_excess(motion: RigidMotion, points_W: Array, robot: RobotModel) -> Array:
-    """Excess of points (M, 4, 3) over the half sides of each foot's box, (M, 4, 3) in m."""
+def _offset(motion: RigidMotion, points_W: Array, robot: RobotModel) -> Array:
+    """Offsets of points (M, 4, 3) from each foot's neutral position, base frame, (M, 4, 3) in m."""
     points_B = (points_W - motion.position[:, None, :]) @ motion.rotation
-    return np.asarray(np.abs(points_B - robot.nominal_feet_B) - np.array(robot.range_of_motion))
+    return np.asarray(points_B - robot.nominal_feet_B)
 
 
 def stance_slip(feet: FootSamples) -> float:

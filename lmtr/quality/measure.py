@@ -1,11 +1,14 @@
 """What is wrong with a solution, and by how much, in figures that need no knowledge of the NLP."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from typing import Any, Self
 
 import numpy as np
 
-from lmtr.arrays import Array, Indices
+from lmtr.arrays import Array
 from lmtr.errors import DataError
+from lmtr.quality.jumping import in_flight, landings, support, vertical_energy_swing
 from lmtr.quality.kinematics import (
     closest_footholds,
     height_errors,
@@ -38,7 +41,8 @@ class Violations:
         angular_residual_rms: Its root mean square over time (rad/s²).
         drift: Median distance to the plan after 0.8 s of its forces without feedback (m).
         stance_overshoot: Furthest that a stance foot leaves its range of motion (m).
-        swing_overshoot: Likewise a swing foot, whose height is judged at the ground (m).
+        swing_overshoot: Likewise a swing foot, which may come as much nearer to the base as it is
+            lifted (m).
         friction_excess: Largest excess of a horizontal force component over μ times the normal
             force (weights).
         pull: Largest force of a foot that pulls at the ground (weights).
@@ -49,13 +53,21 @@ class Violations:
         stance_height: Largest distance of a standing foot to the ground (m).
         swing_depth: Deepest that a swing foot goes below the ground (m).
         fewest_feet_down: Fewest feet that stand at any one time.
-        flight_time: Time without any foot on the ground (s).
+        flight_time: Time without any foot on the ground, or with feet that bear less than a tenth
+            of the weight together (s).
+        support_least: Least vertical force of all feet together (weights).
         sparse_support_time: Time with two feet on the ground or fewer (s).
         stance_shortest: Shortest stance (s).
         swing_shortest: Shortest swing (s).
         swing_longest: Longest swing (s).
         height_deviation: Largest departure of the base from its nominal height (m).
         tilt: Largest roll or pitch (rad).
+        vertical_speed: Fastest rise or fall of the base (m/s).
+        vertical_energy_swing: Largest swing within half a second of the energy of the base's
+            vertical motion over its weight, z + ż²/2g (m); a jump swings by its height or more.
+        landing_force: Largest vertical force of a foot within 0.1 s of its touch-down (weights).
+        landing_rate: Fastest rise of that force (weights/s).
+        landing_speed: Fastest sinking of the base at a touch-down (m/s).
         closest_footholds: Distance of each obstacle line to its closest foothold (m).
     """
 
@@ -75,23 +87,50 @@ class Violations:
     swing_depth: float
     fewest_feet_down: int
     flight_time: float
+    support_least: float
     sparse_support_time: float
     stance_shortest: float
     swing_shortest: float
     swing_longest: float
     height_deviation: float
     tilt: float
+    vertical_speed: float
+    vertical_energy_swing: float
+    landing_force: float
+    landing_rate: float
+    landing_speed: float
     closest_footholds: tuple[float, ...]
+
+    @property
+    def closest_foothold(self) -> float:
+        """Distance (m) of the closest foothold to any line, infinite without any."""
+        return float(np.min(self.closest_footholds, initial=np.inf))
 
     def as_dict(self) -> dict[str, float]:
         """All figures by name; lines are numbered from one, ``closest_foothold_1`` and so on."""
-        figures = {
-            f.name: float(getattr(self, f.name))
-            for f in fields(self)
-            if f.name != "closest_footholds"
-        }
+        figures = {name: float(getattr(self, name)) for name in _SINGLE_FIGURES}
         lines = enumerate(self.closest_footholds, start=1)
-        return figures | {f"closest_foothold_{number}": value for number, value in lines}
+        return figures | {f"{_LINE_FIGURE}{number}": value for number, value in lines}
+
+    @classmethod
+    def from_dict(cls, figures: Mapping[str, float]) -> Self:
+        """The inverse of :meth:`as_dict`, for solutions that were measured before.
+
+        Raises:
+            DataError: A figure is missing.
+        """
+        missing = [name for name in _SINGLE_FIGURES if name not in figures]
+        if missing:
+            raise DataError(f"violations: {', '.join(missing)} are missing; measure once more")
+        single: dict[str, Any] = {name: figures[name] for name in _SINGLE_FIGURES}
+        single["fewest_feet_down"] = int(single["fewest_feet_down"])
+        lines = sum(name.startswith(_LINE_FIGURE) for name in figures)
+        closest = tuple(figures[f"{_LINE_FIGURE}{number}"] for number in range(1, lines + 1))
+        return cls(**single, closest_footholds=closest)
+
+
+_SINGLE_FIGURES = tuple(f.name for f in fields(Violations) if f.name != "closest_footholds")
+_LINE_FIGURE = "closest_foothold_"
 
 
 def measure(
@@ -112,14 +151,19 @@ def measure(
     start, end = float(trajectory.base_start), float(trajectory.base_end)
     times: Array = start + dt * np.arange(round((end - start) / dt) + 1, dtype=np.float64)
     base, feet = rigid_motion(trajectory, times), sample_feet(trajectory, times)
-    down = feet.contact.sum(axis=-1)
+    landing = landings(trajectory, robot)
     return Violations(
         **_balance(base, feet, robot, dt),
         **_forces(trajectory, feet, robot),
         **_feet(trajectory, base, feet, robot),
-        **_support(down, dt),
-        fewest_feet_down=int(down.min()),
+        **_support(feet, robot, dt),
+        fewest_feet_down=int(feet.contact.sum(axis=-1).min()),
         **_posture(base, robot),
+        vertical_speed=float(np.abs(base.velocity[:, 2]).max()),
+        vertical_energy_swing=vertical_energy_swing(base, dt),
+        landing_force=landing.force,
+        landing_rate=landing.rate,
+        landing_speed=landing.speed,
         closest_footholds=closest_footholds(trajectory, obstacles_W),
     )
 
@@ -181,10 +225,11 @@ def _feet(
     }
 
 
-def _support(down: Indices, dt: float) -> dict[str, float]:
+def _support(feet: FootSamples, robot: RobotModel, dt: float) -> dict[str, float]:
     return {
-        "flight_time": dt * int((down == 0).sum()),
-        "sparse_support_time": dt * int((down <= 2).sum()),
+        "flight_time": dt * int(in_flight(feet, robot).sum()),
+        "support_least": float(support(feet, robot).min()),
+        "sparse_support_time": dt * int((feet.contact.sum(axis=-1) <= 2).sum()),
     }
 
 

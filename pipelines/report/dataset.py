@@ -16,7 +16,8 @@ from lmtr.figures.dataset import (
 )
 from lmtr.figures.motion_figure import motion_figure
 from lmtr.geometry.line import signed_distance
-from lmtr.quality.filter import QualityThresholds, describe
+from lmtr.quality.filter import QualityThresholds
+from lmtr.quality.rules import describe
 from lmtr.robot.model import N_FEET
 from lmtr.trajectory.motion import sampled
 from pipelines import records

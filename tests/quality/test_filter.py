@@ -15,14 +15,9 @@ from lmtr.quality.cost_model import (
     fit_cost_model,
     task_features,
 )
-from lmtr.quality.filter import (
-    REASONS,
-    QualityThresholds,
-    describe,
-    expected_cost,
-    judge,
-)
+from lmtr.quality.filter import QualityThresholds, expected_cost, judge
 from lmtr.quality.measure import Violations
+from lmtr.quality.rules import REASONS, RULES, describe
 from lmtr.robot.model import ANYMAL, HYQ
 from lmtr.streams import Purpose, stream
 from lmtr.task.sampling import TaskDistribution, sample_task
@@ -30,13 +25,13 @@ from lmtr.task.sampling import TaskDistribution, sample_task
 LIMITS = QualityThresholds()
 KEY = DEFAULT_COST_MODEL.cost_key
 SOUND = Violations(
-    linear_residual_peak=0.5,
-    linear_residual_rms=0.15,
-    angular_residual_peak=1.5,
-    angular_residual_rms=0.4,
-    drift=0.009,
-    stance_overshoot=0.01,
-    swing_overshoot=0.014,
+    linear_residual_peak=0.3,
+    linear_residual_rms=0.1,
+    angular_residual_peak=0.9,
+    angular_residual_rms=0.3,
+    drift=0.007,
+    stance_overshoot=0.002,
+    swing_overshoot=0.003,
     friction_excess=0.0,
     pull=0.0,
     contact_change_force=0.0,
@@ -46,15 +41,21 @@ SOUND = Violations(
     swing_depth=0.0,
     fewest_feet_down=2,
     flight_time=0.0,
+    support_least=0.8,
     sparse_support_time=0.9,
     stance_shortest=0.2,
     swing_shortest=0.2,
     swing_longest=0.5,
     height_deviation=0.05,
     tilt=0.13,
+    vertical_speed=0.2,
+    vertical_energy_swing=0.05,
+    landing_force=0.15,
+    landing_rate=2.5,
+    landing_speed=0.1,
     closest_footholds=(0.18, 0.2),
 )
-FAULTS = {
+FAULTS: dict[str, dict[str, object]] = {
     "linear_residual": {"linear_residual_peak": 4.0},
     "angular_residual": {"angular_residual_peak": 40.0},
     "drift": {"drift": 0.1},
@@ -68,6 +69,8 @@ FAULTS = {
     "off_ground": {"stance_height": 0.02},
     "below_ground": {"swing_depth": 0.03},
     "flight": {"flight_time": 0.2},
+    "energetic_jumping": {"vertical_speed": 1.0, "vertical_energy_swing": 0.2},
+    "hard_landing": {"landing_force": 2.0, "landing_rate": 20.0, "landing_speed": 0.9},
     "phase_too_short": {"swing_shortest": -0.1},
     "height": {"height_deviation": 0.3},
     "tilt": {"tilt": 0.9},
@@ -75,8 +78,10 @@ FAULTS = {
 }
 
 
-def verdict(violations=SOUND, status="converged", cost=3.0, expected=3.0, limits=LIMITS):
-    return judge(status, cost, expected, violations, limits)
+def verdict(
+    violations=SOUND, status="converged", cost=3.0, expected=3.0, limits=LIMITS, saturated=()
+):
+    return judge(status, cost, expected, violations, limits, saturated)
 
 
 def tasks(count, distribution=TaskDistribution()):  # noqa: B008 - frozen settings
@@ -95,13 +100,35 @@ def test_each_fault_is_refused_by_its_name_alone(reason):
     assert refused.reasons == (reason,)
 
 
+@pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.figure)
+def test_each_figure_is_judged_by_its_own_threshold(rule):
+    limit = getattr(LIMITS, rule.threshold)
+    beyond, within = (limit * (1.0 + sign * 0.01) for sign in (1, -1))
+    if rule.at_least:
+        beyond, within = within, beyond
+    named = "closest_footholds" if rule.figure == "closest_foothold" else rule.figure
+    for value, reasons in ((beyond, (rule.reason,)), (within, ()), (np.nan, (rule.reason,))):
+        figure = (0.3, value) if named == "closest_footholds" else value
+        assert verdict(replace(SOUND, **{named: figure})).reasons == reasons
+
+
 def test_every_reason_is_tried_here_and_described():
-    assert set(REASONS) == {*FAULTS, "cost", "not_converged"}
-    for reason in (*FAULTS, "cost", "not_converged:iteration_limit"):
+    assert set(REASONS) == {*FAULTS, "cost", "not_converged", "saturated"}
+    for reason in (*FAULTS, "cost", "not_converged:iteration_limit", "saturated:longest_swing"):
         assert describe(reason).endswith(".")
     assert "iteration limit" in describe("not_converged:iteration_limit")
-    with pytest.raises(DataError, match="'bad_luck' is unknown"):
-        describe("bad_luck")
+    assert "longest swing" in describe("saturated:longest_swing")
+    for unknown in ("bad_luck", "saturated", "not_converged", "tilt:left"):
+        with pytest.raises(DataError, match=f"'{unknown}' is unknown"):
+            describe(unknown)
+
+
+def test_each_limit_that_a_solution_lies_on_is_a_reason_unless_tolerated():
+    touched = ("height", "window")
+    assert verdict(saturated=touched).reasons == ("saturated:height", "saturated:window")
+    lenient = QualityThresholds(tolerated_limits=("window",))
+    assert verdict(saturated=touched, limits=lenient).reasons == ("saturated:height",)
+    assert verdict(saturated=("window",), limits=lenient).accepted
 
 
 def test_all_reasons_are_given_the_status_first():

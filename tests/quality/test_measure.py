@@ -8,7 +8,7 @@ import pytest
 from lmtr.errors import DataError
 from lmtr.geometry.se2 import SE2
 from lmtr.quality.kinematics import stance_slip
-from lmtr.quality.measure import measure
+from lmtr.quality.measure import Violations, measure
 from lmtr.robot.model import ANYMAL
 from lmtr.trajectory.sample import sample_feet
 from lmtr.trajectory.trajectory import Trajectory
@@ -17,7 +17,10 @@ NO_LINES = np.zeros((0, 3))
 
 
 def amble(rng_seed=None):
-    """A level walk on the spot, feet under their hips, each foot carrying 0.3 weights at most."""
+    """A level walk on the spot, feet under their hips, each foot carrying 0.3 weights at most.
+
+    At the start and the end all four feet stand and carry as much.
+    """
     stances, duration = 4, 6.0
     times = np.zeros((4, 2 * stances))
     for foot in range(4):
@@ -31,6 +34,7 @@ def amble(rng_seed=None):
     nodes[:, 0, 2] = ANYMAL.nominal_height
     forces = np.zeros((4, stances, 3, 2, 3))
     forces[:, :, 1, 0, 2] = 0.3 * ANYMAL.weight
+    forces[:, 0, 0, 0, 2] = forces[:, -1, -1, 0, 2] = 0.3 * ANYMAL.weight
     return Trajectory(np.array(0.0), nodes, times, feet, middle, forces)
 
 
@@ -139,8 +143,13 @@ def test_a_flying_robot_is_found():
     together = replace(jump, contact_times=np.tile(jump.contact_times[:1], (4, 1)))
     violations = found(together)
     assert violations.fewest_feet_down == 0
-    assert violations.flight_time == pytest.approx(3 * 0.3, abs=0.02)
-    assert violations.sparse_support_time == violations.flight_time
+    assert violations.sparse_support_time == pytest.approx(3 * 0.3, abs=0.02)
+    # Four feet bear 1.2·(3u² − 2u³) weights as they take up or give off their load, in the local
+    # time u of half a stance: less than a tenth of the weight for a part of it.
+    light = next(u for u in np.linspace(0.0, 1.0, 10001) if 1.2 * (3 * u**2 - 2 * u**3) >= 0.1)
+    halves = 0.15 + 4 * 0.7 + 1.0
+    assert violations.flight_time == pytest.approx(3 * 0.3 + halves * light, abs=0.05)
+    assert violations.support_least == 0.0
 
 
 def test_a_hasty_phase_is_found():
@@ -168,6 +177,22 @@ def test_figures_carry_their_names():
     assert figures["closest_foothold_2"] > figures["closest_foothold_1"] > 0.0
     assert all(isinstance(value, float) for value in figures.values())
     assert "linear_residual_peak" in figures
+
+
+@pytest.mark.parametrize("lines", [0, 1, 3])
+def test_figures_by_name_are_the_violations_again(lines):
+    violations = found(amble(), np.array([[1.0 + k, 0.0, 1.5] for k in range(lines)] or NO_LINES))
+    again = Violations.from_dict(violations.as_dict())
+    assert again == violations
+    assert isinstance(again.fewest_feet_down, int)
+    assert violations.closest_foothold == min(violations.closest_footholds, default=np.inf)
+
+
+def test_figures_of_an_earlier_kind_are_refused_by_name():
+    figures = found(amble()).as_dict()
+    del figures["landing_rate"]
+    with pytest.raises(DataError, match="landing_rate are missing"):
+        Violations.from_dict(figures)
 
 
 def test_batches_and_broken_numbers_are_refused():
