@@ -17,7 +17,6 @@ from lmtr.expert.settings import ExpertSettings, Limits, Scope, SolverSettings
 from lmtr.expert.solve import Expert, Status
 from lmtr.expert.solver import EARLY_CONSTRAINT_TOLERANCE, InteriorPoint
 from lmtr.geometry.line import signed_distance
-from lmtr.quality.filter import QualityThresholds
 from lmtr.robot.model import ANYMAL, HYQ, RobotModel
 from lmtr.streams import Purpose, stream
 from lmtr.task.sampling import TaskDistribution, sample_noise, sample_task
@@ -106,7 +105,7 @@ def test_on_many_tasks_every_foot_keeps_away_from_both_lines(long_expert):
         told.append(closest_by_foot(task, long_expert.solve(task, noise)))
         untold.append(closest_by_foot(task, other.solve(task, noise)))
     near, near_untold = (np.mean(np.array(found) < 0.12, axis=(0, 1)) for found in (told, untold))
-    assert np.min(told) > QualityThresholds().obstacle_clearance
+    assert np.min(told) > 0.05  # a replanner's close step
     assert near.max() < 0.1
     assert near_untold.min() > 0.3
 
