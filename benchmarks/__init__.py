@@ -1,1 +1,1 @@
-"""Benchmarks, run by hand: ``expert.py`` and ``planner.py``."""
+"""Benchmarks, run by hand: ``expert.py``, ``planner.py`` and ``thresholds.py``."""
