@@ -50,7 +50,7 @@ def solve_row(index: int, task: Task, reply: Reply, config: Configuration, cost_
         # Another checkout may have another kind of trajectory; its times still count.
         return row | {"unmeasured": str(error)}
     expected = expected_cost(task, robot, cost_key, quality)
-    verdict = judge(reply["status"], reply["cost"], expected, found, quality)
+    verdict = judge(reply["status"], reply["cost"], expected, found, quality, reply["saturated"])
     return row | {
         **found.as_dict(),
         "expected_cost": expected,

@@ -25,14 +25,14 @@ from lmtr.expert.scatter import Scatter, to_casadi
 
 @dataclass(frozen=True)
 class Placed:
-    """An element with the place of its constraint group among all rows."""
+    """An element with the place of its constraint group among the sums of all groups."""
 
     element: Element
     first_row: int
 
     @property
     def rows(self) -> Indices:
-        """Rows of each instance, (K, r)."""
+        """Sums that each instance adds to, (K, r)."""
         return self.element.instances.rows + self.first_row
 
 
@@ -73,11 +73,12 @@ class Assembly:
     """Builds the functions of one problem from its placed elements."""
 
     def __init__(
-        self, placed: list[Placed], linear: LinearMap, n_rows: int, n_parameters: int
+        self, placed: list[Placed], linear: LinearMap, mixing: sp.csr_matrix, n_parameters: int
     ) -> None:
         self._placed = placed
         self._linear = linear
-        self._n_rows = n_rows
+        self._mixing = mixing
+        self._n_rows, self._n_sums = mixing.shape
         n_variables = linear.of_variables.shape[1]
         self._x = ca.MX.sym("x", n_variables)
         self._p = ca.MX.sym("p", n_parameters)
@@ -142,7 +143,8 @@ class Assembly:
             if item.element.rows.numel():
                 values.append(self._map(item.element, "rows", item.element.rows))
                 targets.append(item.rows)
-        return to_casadi(_summation(targets, self._n_rows)) @ ca.vertcat(*values)
+        summation = self._mixing @ _summation(targets, self._n_sums)
+        return to_casadi(summation) @ ca.vertcat(*values)
 
     def _gradient(self) -> ca.MX:
         values, targets = [], []
@@ -165,11 +167,12 @@ class Assembly:
             values.append(self._map(element, "jacobian", _nonzeros(jacobian)))
             scatters.append(_scatter(jacobian, item.rows, element.instances.quantities))
         scatter = Scatter.end_to_end(scatters)
-        expanded = scatter.through_columns(self._linear.of_variables)
+        expanded = scatter.through_rows(self._mixing).through_columns(self._linear.of_variables)
         return expanded.matrix((self._n_rows, self._x.numel()), ca.vertcat(*values))
 
     def _hessian(self, lam_f: ca.MX, lam_g: ca.MX) -> ca.MX:
         values, scatters = [], []
+        lam_sums = to_casadi(self._mixing.T) @ lam_g
         for item in self._placed:
             element = item.element
             hessian, multipliers = _curvature(element)
@@ -179,7 +182,7 @@ class Assembly:
             count = len(element.instances)
             extra = [(multipliers[0], ca.repmat(lam_f, 1, count))]
             if element.rows.numel():
-                extra.append((multipliers[1], _gather(lam_g, item.rows)))
+                extra.append((multipliers[1], _gather(lam_sums, item.rows)))
             values.append(self._map(element, "hessian", _nonzeros(hessian), *extra))
             quantities = element.instances.quantities
             scatters.append(_scatter(hessian, quantities, quantities))

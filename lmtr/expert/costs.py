@@ -20,7 +20,10 @@ from lmtr.trajectory.trajectory import BASE_STEP
 
 def costs(context: Context) -> list[Element]:
     """All costs but that on foot offsets, and the damping of the Hessian."""
-    quantities, nodes = context.quantities, slice(None, None, context.settings.samples_per_knot)
+    quantities, nodes = (
+        context.quantities,
+        slice(None, None, context.settings.base_samples_per_knot),
+    )
     position, rpy = quantities["position"][nodes], quantities["rpy"][nodes]
     points = quantities["forces"].reshape(-1, 3)
 
@@ -28,8 +31,8 @@ def costs(context: Context) -> list[Element]:
         return _squares(name, chosen, context.parameters[name], unit, target)
 
     return [
-        squares("acceleration", quantities["acceleration"], BASE_STEP),
-        squares("angular_acceleration", quantities["rpy_acceleration"], BASE_STEP),
+        squares("acceleration", quantities["acceleration"][nodes], BASE_STEP),
+        squares("angular_acceleration", quantities["rpy_acceleration"][nodes], BASE_STEP),
         squares("tilt", rpy[:, :2], BASE_STEP),
         squares("height", position[:, 2:], BASE_STEP, context.robot.nominal_height),
         squares("horizontal_force", points[:, :2], 1.0),

@@ -11,6 +11,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from lmtr.arrays import Array, Indices
@@ -131,9 +132,22 @@ def instances(
 
 @dataclass(frozen=True)
 class ConstraintGroup:
-    """Rows of one kind: lower ≤ Σ elements ≤ upper, flattened."""
+    """Rows of one kind: lower ≤ M·Σ elements ≤ upper, flattened.
+
+    Attributes:
+        name: Name of the group.
+        elements: What is added up.
+        lower, upper: Bounds of the rows.
+        mixing: M, which makes the rows of the sums; identity by default.
+    """
 
     name: str
     elements: list[Element]
     lower: Array
     upper: Array
+    mixing: sp.csr_matrix | None = None
+
+    @property
+    def matrix(self) -> sp.csr_matrix:
+        """M as a matrix."""
+        return sp.identity(len(self.lower), format="csr") if self.mixing is None else self.mixing

@@ -11,6 +11,7 @@ obstacles and set of weights; only robot, scope, limits and σ are built in.
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 
 from lmtr.arrays import Array, Indices
 from lmtr.errors import ConfigurationError, TaskError
@@ -29,8 +30,9 @@ from lmtr.expert.settings import ExpertSettings
 from lmtr.expert.timing import Windows
 from lmtr.expert.variables import variable_blocks
 from lmtr.robot.model import RobotModel
+from lmtr.spline.bspline import sampled
 from lmtr.task.task import MAX_OBSTACLES, Task
-from lmtr.trajectory.nodes import GROUND_POSITION, HEIGHT, TILT, VALUE
+from lmtr.trajectory.nodes import GROUND_POSITION, HEIGHT, TILT
 
 
 @dataclass(frozen=True)
@@ -62,8 +64,15 @@ def formulate(robot: RobotModel, settings: ExpertSettings) -> Formulation:
     """Build the problem.
 
     Raises:
-        ConfigurationError: The settings ask the robot's base below the ground.
+        ConfigurationError: The settings ask the robot's base below the ground, or leave its feet
+            no room.
     """
+    if settings.range_of_motion_margin >= min(robot.range_of_motion):
+        raise ConfigurationError(
+            f"expert: range_of_motion_margin must be less than the range of motion "
+            f"{robot.range_of_motion} m of robot {robot.name!r}, got "
+            f"{settings.range_of_motion_margin} m, which leaves its feet no room; lower it"
+        )
     if settings.limits.height >= robot.nominal_height:
         raise ConfigurationError(
             f"expert: limits.height must be less than the nominal height {robot.nominal_height} m "
@@ -73,8 +82,9 @@ def formulate(robot: RobotModel, settings: ExpertSettings) -> Formulation:
     context = Context.of(robot, settings)
     groups = [dynamics(context), range_of_motion(context), timing(context), friction(context)]
     rows = Blocks({group.name: group.lower.shape for group in groups})
-    placed = [*_placed(groups, rows), *(Placed(element, 0) for element in costs(context))]
-    assembly = Assembly(placed, linear_map(settings), rows.size, context.parameters.size)
+    placed = [*_placed(groups), *(Placed(element, 0) for element in costs(context))]
+    mixing = sp.block_diag([group.matrix for group in groups], format="csr")
+    assembly = Assembly(placed, linear_map(settings), mixing, context.parameters.size)
     variables = variable_blocks(settings.scope)
     lower, upper = _bounds(context, variables)
     return Formulation(
@@ -90,9 +100,12 @@ def formulate(robot: RobotModel, settings: ExpertSettings) -> Formulation:
     )
 
 
-def _placed(groups: list[ConstraintGroup], rows: Blocks) -> list[Placed]:
+def _placed(groups: list[ConstraintGroup]) -> list[Placed]:
+    begins = np.cumsum([0, *(group.matrix.shape[1] for group in groups)])
     return [
-        Placed(element, int(rows[group.name][0])) for group in groups for element in group.elements
+        Placed(element, int(begin))
+        for group, begin in zip(groups, begins[:-1], strict=True)
+        for element in group.elements
     ]
 
 
@@ -144,7 +157,9 @@ def parameter_values(
         "goal": guess.control_points[-1],
         "start_feet": task.start_feet_W[order],
         "nominal_feet": robot.nominal_feet_B[order, :2],
-        "reference": guess.trajectory.base_nodes[:, VALUE, GROUND_POSITION],
+        "reference": sampled(
+            guess.control_points[:, GROUND_POSITION], settings.base_samples_per_knot
+        ),
         "line_normals": normals,
         "line_offsets": offsets,
         "line_weights": weights,

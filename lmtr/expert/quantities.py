@@ -16,12 +16,17 @@ from lmtr.expert.initial_guess import SWING_SPEED
 from lmtr.expert.settings import ExpertSettings
 from lmtr.expert.variables import END_POINTS, variable_blocks
 from lmtr.robot.model import N_FEET
-from lmtr.spline.bspline import knot_acceleration, knot_velocity, value_weights
+from lmtr.spline.bspline import acceleration_weights, value_weights, velocity_weights
 from lmtr.task.task import MAX_OBSTACLES
 from lmtr.trajectory.trajectory import BASE_STEP
 
 SAME_AS_VARIABLES = ("times", "swing_offset", "swing_drift", "forces")
 """Quantities that are variables themselves."""
+
+
+def n_samples(settings: ExpertSettings) -> int:
+    """Times at which the base's motion is among the quantities, from 0 to T̄."""
+    return (settings.scope.n_nodes - 1) * settings.base_samples_per_knot + 1
 
 
 def parameter_blocks(settings: ExpertSettings) -> Blocks:
@@ -30,7 +35,7 @@ def parameter_blocks(settings: ExpertSettings) -> Blocks:
     start, goal: Base position (m) and roll, pitch, yaw (rad) at rest.
     start_feet, nominal_feet: x, y of the first footholds in the world and of the neutral ones in
         the base frame (m), by slot.
-    reference: x, y of the points that moments are taken about, one per base node (m).
+    reference: x, y of the points that moments are taken about, one per sample of the base (m).
     line_normals, line_offsets, line_weights: Unit normal n, offset n·p (m) and height of the
         potential of each obstacle; a problem has room for ``MAX_OBSTACLES`` lines, and those not
         used have weight zero.
@@ -42,7 +47,7 @@ def parameter_blocks(settings: ExpertSettings) -> Blocks:
             "goal": (6,),
             "start_feet": (N_FEET, 2),
             "nominal_feet": (N_FEET, 2),
-            "reference": (settings.scope.n_nodes, 2),
+            "reference": (n_samples(settings), 2),
             "line_normals": (MAX_OBSTACLES, 2),
             "line_offsets": (MAX_OBSTACLES,),
             "line_weights": (MAX_OBSTACLES,),
@@ -55,22 +60,22 @@ def parameter_blocks(settings: ExpertSettings) -> Blocks:
 def quantity_blocks(settings: ExpertSettings) -> Blocks:
     """Blocks of the quantity vector.
 
-    position, rpy: Base (m, rad) every ``range_of_motion_step``, from 0 to T̄.
-    rpy_rate, acceleration, rpy_acceleration: At the base nodes, in 1/s and 1/s².
+    position, rpy, rpy_rate, acceleration, rpy_acceleration: Base (m, rad, s) at ``n_samples``
+        times from 0 to T̄, of which every base node is one.
     footholds: x, y of every stance (m), by slot.
     middle: Position of the middle of each swing (m), by slot.
     middle_slope: Its horizontal velocity times half the swing's duration (m), by slot.
     Besides, the variables ``SAME_AS_VARIABLES``.
     """
     scope, variables = settings.scope, variable_blocks(settings.scope)
-    samples = (scope.n_nodes - 1) * settings.samples_per_knot + 1
+    samples = n_samples(settings)
     return Blocks(
         {
             "position": (samples, 3),
             "rpy": (samples, 3),
-            "rpy_rate": (scope.n_nodes, 3),
-            "acceleration": (scope.n_nodes, 3),
-            "rpy_acceleration": (scope.n_nodes, 3),
+            "rpy_rate": (samples, 3),
+            "acceleration": (samples, 3),
+            "rpy_acceleration": (samples, 3),
             "footholds": (N_FEET, scope.n_stances, 2),
             "middle": (N_FEET, scope.n_swings, 3),
             "middle_slope": (N_FEET, scope.n_swings, 2),
@@ -129,24 +134,22 @@ def _add_base(
 ) -> None:
     start, goal = (np.tile(p[name] + x.size, (END_POINTS, 1)) for name in ("start", "goal"))
     control = np.concatenate([start, x["control"], goal])  # columns of all control points
-    count = quantities["position"].shape[0]
-    per_knot = settings.samples_per_knot
-    knot, part = np.divmod(np.arange(count), per_knot)
+    per_knot = settings.base_samples_per_knot
+    knot, part = np.divmod(np.arange(n_samples(settings)), per_knot)
     values = np.concatenate([quantities["position"], quantities["rpy"]], axis=1)
-    for remainder in range(per_knot):
-        chosen = np.flatnonzero(part == remainder)
-        for k, weight in enumerate(value_weights(remainder / per_knot)):
-            # The last knot has no fourth control point, nor any weight on it.
-            columns = control[np.minimum(knot[chosen] + k, len(control) - 1)]
-            rows.add(values[chosen], columns, weight)
-    before_at_after = control[:-2], control[1:-1], control[2:]
-    acceleration = np.concatenate(
+    accelerations = np.concatenate(
         [quantities["acceleration"], quantities["rpy_acceleration"]], axis=1
     )
-    for columns, (before, at, after) in zip(before_at_after, np.eye(3), strict=True):
-        velocity_weight = knot_velocity(before, after, BASE_STEP)
-        rows.add(quantities["rpy_rate"], columns[:, 3:], velocity_weight)
-        rows.add(acceleration, columns, knot_acceleration(before, at, after, BASE_STEP))
+    for remainder in range(per_knot):
+        chosen, u = np.flatnonzero(part == remainder), remainder / per_knot
+        values_of, rates_of = value_weights(u), velocity_weights(u, BASE_STEP)
+        accelerations_of = acceleration_weights(u, BASE_STEP)
+        for k in range(4):
+            # The last knot has no fourth control point, nor any weight on it.
+            columns = control[np.minimum(knot[chosen] + k, len(control) - 1)]
+            rows.add(values[chosen], columns, values_of[k])
+            rows.add(quantities["rpy_rate"][chosen], columns[:, 3:], rates_of[k])
+            rows.add(accelerations[chosen], columns, accelerations_of[k])
 
 
 def _add_swings(

@@ -46,6 +46,10 @@ class Scatter:
             self.factor[entry] * linear.data[place],
         )
 
+    def through_rows(self, mixing: sp.csr_matrix) -> "Scatter":
+        """M ↦ A·M."""
+        return self.transposed().through_columns(mixing.T.tocsr()).transposed()
+
     def transposed(self) -> "Scatter":
         """Mᵀ."""
         return Scatter(self.columns, self.rows, self.source, self.factor)

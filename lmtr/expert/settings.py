@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from math import lcm
 from typing import Annotated
 
 from pydantic import model_validator
@@ -15,6 +16,9 @@ Bounds = Annotated[tuple[Positive, Positive], ascending(strictly=True)]
 
 SLACK = 1e-9
 """What rounding may add to sums and ratios of settings."""
+
+BALANCE_SAMPLES_PER_KNOT = 2
+"""Samples per knot whose weighted means the balance of forces and moments holds for."""
 
 LEAST_DURATION = 0.4
 """Shortest duration (s) whose base spline has a point of its own between its two static ends."""
@@ -34,7 +38,7 @@ class Scope(Settings):
     duration: Positive = 7.5
     n_swings: Count = 6
     swing_share: Positive = 0.28
-    first_liftoff: Positive = 0.2
+    first_liftoff: Positive = 0.3
     clearance: Positive = 0.08
 
     @model_validator(mode="after")
@@ -123,7 +127,7 @@ class Limits(Settings):
         swing_height: Lowest and highest middle of a swing above the ground (m).
     """
 
-    swing: Bounds = (0.2, 0.7)
+    swing: Bounds = (0.25, 0.7)
     stance: Bounds = (0.2, 2.5)
     window: Positive = 0.5
     force: Positive = 1.5
@@ -177,6 +181,8 @@ class ExpertSettings(Settings):
         limits: Bounds.
         range_of_motion_step: Spacing of the samples at which the range of motion holds (s); with
             0.1 s stance feet leave it by centimetres in between.
+        range_of_motion_margin: How far inside its box a foot stays at these samples (m), for it
+            goes a little further in between.
         solver: Settings of the solver.
     """
 
@@ -186,6 +192,7 @@ class ExpertSettings(Settings):
     costs: CostWeights = CostWeights()
     limits: Limits = Limits()
     range_of_motion_step: Positive = 0.05
+    range_of_motion_margin: NonNegative = 0.008
     solver: SolverSettings = SolverSettings()
 
     @property
@@ -201,6 +208,11 @@ class ExpertSettings(Settings):
     def samples_per_knot(self) -> int:
         """Samples of the range of motion from one base node to the next."""
         return round(BASE_STEP / self.range_of_motion_step)
+
+    @property
+    def base_samples_per_knot(self) -> int:
+        """Samples of the base's motion per knot: those of range of motion and of the balance."""
+        return lcm(self.samples_per_knot, BALANCE_SAMPLES_PER_KNOT)
 
     @model_validator(mode="after")
     def _samples_divide_knots(self) -> "ExpertSettings":

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from lmtr.arrays import Array
-from lmtr.expert.compilation import compiled
+from lmtr.expert.compilation import compiled, compiled_linear_solver
 from lmtr.expert.formulation import formulate, parameter_values
 from lmtr.expert.initial_guess import InitialGuess, initial_guess
 from lmtr.expert.saturation import WINDOW, saturated
@@ -89,9 +89,11 @@ class Expert:
         self.robot = robot
         self.settings = settings
         self._problem = formulate(robot, settings)
-        functions, self.build_report = compiled(self._problem.functions.all(), cache_dir)
+        functions, of_functions = compiled(self._problem.functions.all(), cache_dir)
+        linear_solver, of_solver = compiled_linear_solver(self._problem, cache_dir)
+        self.build_report = of_functions + of_solver
         self._functions = {function.name(): function for function in functions}
-        self._solver = InteriorPoint(self._problem, self._functions, settings.solver)
+        self._solver = InteriorPoint(self._problem, self._functions, settings.solver, linear_solver)
 
     @property
     def compiled(self) -> bool:

@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -69,8 +70,21 @@ class InteriorPoint:
     """IPOPT for one formulation, with its functions as given (interpreted or compiled)."""
 
     def __init__(
-        self, problem: Formulation, functions: dict[str, ca.Function], settings: SolverSettings
+        self,
+        problem: Formulation,
+        functions: dict[str, ca.Function],
+        settings: SolverSettings,
+        linear_solver: Path | None = None,
     ) -> None:
+        """Prepare the solver.
+
+        Args:
+            problem: The problem.
+            functions: Its functions, by name.
+            settings: Tolerances and limits.
+            linear_solver: Library of the linear solver made for the problem; MUMPS if there is
+                none.
+        """
         self._bounds = {
             "lbx": problem.lower,
             "ubx": problem.upper,
@@ -94,7 +108,7 @@ class InteriorPoint:
                 "print_time": False,
                 "error_on_fail": False,
                 "show_eval_warnings": False,
-                "ipopt": _ipopt_options(settings),
+                "ipopt": _ipopt_options(settings) | _linear_options(linear_solver),
             },
         )
         self._threads = threadpoolctl.ThreadpoolController()
@@ -164,7 +178,17 @@ def _ipopt_options(settings: SolverSettings) -> dict[str, float | int | str]:
         "acceptable_constr_viol_tol": EARLY_CONSTRAINT_TOLERANCE,
         "acceptable_compl_inf_tol": 1e-3,
         "acceptable_obj_change_tol": settings.early_objective_change,
+    }
+
+
+def _linear_options(linear_solver: Path | None) -> dict[str, float | int | str]:
+    if linear_solver is None:
         # Half of MUMPS's time: no scaling permutation, and a quasi-dense minimum degree ordering.
-        "mumps_permuting_scaling": 0,
-        "mumps_pivot_order": 6,
+        return {"mumps_permuting_scaling": 0, "mumps_pivot_order": 6}
+    return {
+        "linear_solver": "ma27",
+        "hsllib": str(linear_solver),
+        # It says exactly how much memory it needs.
+        "ma27_la_init_factor": 1.0,
+        "ma27_liw_init_factor": 1.0,
     }

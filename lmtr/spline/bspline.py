@@ -42,6 +42,26 @@ def value_weights(u: float) -> Array:
     )
 
 
+def velocity_weights(u: float, step: float) -> Array:
+    """Like :func:`value_weights`, for the time derivative (per second)."""
+    return np.array(
+        [-((1.0 - u) ** 2), 3.0 * u**2 - 4.0 * u, -3.0 * u**2 + 2.0 * u + 1.0, u**2]
+    ) / (2.0 * step)
+
+
+def acceleration_weights(u: float, step: float) -> Array:
+    """Like :func:`value_weights`, for the second time derivative (per second squared)."""
+    return np.array([1.0 - u, 3.0 * u - 2.0, 1.0 - 3.0 * u, u]) / (step * step)
+
+
+def sampled(control: Array, per_knot: int) -> Array:
+    """Values ((N − 1)·per_knot + 1, D) of N + 2 control points (N + 2, D), from knot to knot."""
+    weights = np.stack([value_weights(part / per_knot) for part in range(per_knot)])
+    neighbours = np.lib.stride_tricks.sliding_window_view(control, 4, axis=0)  # (N − 1, D, 4)
+    values = np.moveaxis(neighbours @ weights.T, -1, 1).reshape(-1, control.shape[1])
+    return np.concatenate([values, knot_value(*control[-3:])[None]])
+
+
 def hermite_nodes(control: Array, step: float) -> Array:
     """Hermite nodes (N, 2, D) — value, time derivative — of N + 2 control points (N + 2, D)."""
     before, at, after = control[:-2], control[1:-1], control[2:]

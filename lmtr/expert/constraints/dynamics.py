@@ -1,4 +1,4 @@
-"""Single-rigid-body dynamics at the base nodes (Sec. 4.1).
+"""Single-rigid-body dynamics around the base nodes (Sec. 4.1).
 
 Linear: Σ f_i = m(r̈ + g e_z). Angular, about the origin shifted to a constant reference c:
 Σ (p_i − c) × f_i = (r − c) × m(r̈ + g e_z) + d/dt(I_W ω). With the linear rows this is the usual
@@ -6,13 +6,21 @@ balance about the centre of mass r; but base and contacts are then additively se
 contact couples with the base's motion in the Jacobian or Hessian. The reference is the guessed
 base position, which keeps lever arms, and with them the scaling, as they are about r.
 
+What holds is not the balance at each node but its mean around the node, weighted with the hat
+function that falls to zero at the neighbours (a Galerkin method, by Simpson's rule: a third each at
+the node and at the points half-way to its neighbours). The base's acceleration is linear between
+nodes and forces are curved; collocation at the nodes would leave an error of one sign in between,
+which adds up, while this one has no mean: planned forces lead where the plan says. At the two ends,
+where the robot rests, the balance itself holds.
+
 Rows are in weights and in weights times ``LEVER_ARM``.
 """
 
 import casadi as ca
 import numpy as np
+import scipy.sparse as sp
 
-from lmtr.arrays import Indices
+from lmtr.arrays import Array, Indices
 from lmtr.expert.context import Context
 from lmtr.expert.element import (
     ConstraintGroup,
@@ -23,6 +31,7 @@ from lmtr.expert.element import (
 )
 from lmtr.expert.gating import stance_force
 from lmtr.expert.rotation import rate_matrix, rate_matrix_derivative, rotation_matrix
+from lmtr.expert.settings import BALANCE_SAMPLES_PER_KNOT
 from lmtr.expert.stances import StanceKind, stance_points
 from lmtr.robot.model import GRAVITY, N_FEET, RobotModel
 from lmtr.trajectory.trajectory import BASE_STEP
@@ -34,26 +43,41 @@ LEVER_ARM = 0.3
 def dynamics(context: Context) -> ConstraintGroup:
     """Six equality rows per base node."""
     nodes = context.settings.scope.n_nodes
-    rows = np.arange(nodes * 6).reshape(nodes, 6)
-    elements = [_base(context, rows), *_contacts(context, rows)]
+    times = _sample_times(nodes)
+    sums = np.arange(len(times) * 6).reshape(len(times), 6)
+    elements = [_base(context, sums), *_contacts(context, times, sums)]
     zero = np.zeros(nodes * 6)
-    return ConstraintGroup("dynamics", elements, zero, zero)
+    return ConstraintGroup("dynamics", elements, zero, zero, _means(nodes))
 
 
-def _base(context: Context, rows: Indices) -> Element:
+def _sample_times(nodes: int) -> Array:
+    """Nodes and the points half-way between them (s)."""
+    count = (nodes - 1) * BALANCE_SAMPLES_PER_KNOT + 1
+    return np.asarray(BASE_STEP / BALANCE_SAMPLES_PER_KNOT * np.arange(count))
+
+
+def _means(nodes: int) -> sp.csr_matrix:
+    """From balances at samples to their means around each node; at either end there is none."""
+    samples = BALANCE_SAMPLES_PER_KNOT * np.arange(1, nodes - 1)[:, None] + np.array([-1, 0, 1])
+    columns = np.concatenate([[0], samples.reshape(-1), [BALANCE_SAMPLES_PER_KNOT * (nodes - 1)]])
+    rows = np.concatenate([[0], np.repeat(np.arange(1, nodes - 1), 3), [nodes - 1]])
+    weights = np.concatenate([[1.0], np.full(samples.size, 1.0 / 3.0), [1.0]])
+    means = sp.csr_matrix((weights, (rows, columns)))
+    return sp.kron(means, sp.identity(6), format="csr")
+
+
+def _base(context: Context, sums: Indices) -> Element:
     """Minus the change of momentum, in weights."""
     robot, quantities = context.robot, context.quantities
-    nodes = slice(None, None, context.settings.samples_per_knot)
+    step = context.settings.base_samples_per_knot // BALANCE_SAMPLES_PER_KNOT
+    chosen = slice(None, None, step)
     where = instances(
         {
-            "position": quantities["position"][nodes],
-            "rpy": quantities["rpy"][nodes],
-            "rpy_rate": quantities["rpy_rate"],
-            "acceleration": quantities["acceleration"],
-            "rpy_acceleration": quantities["rpy_acceleration"],
+            name: quantities[name][chosen]
+            for name in ("position", "rpy", "rpy_rate", "acceleration", "rpy_acceleration")
         },
-        {"reference": context.parameters["reference"]},
-        rows=rows,
+        {"reference": context.parameters["reference"][chosen]},
+        rows=sums,
     )
     inputs = symbols(where)
     needed = inputs["acceleration"] / GRAVITY + ca.vertcat(0.0, 0.0, 1.0)
@@ -62,7 +86,14 @@ def _base(context: Context, rows: Indices) -> Element:
         robot, inputs["rpy"], inputs["rpy_rate"], inputs["rpy_acceleration"]
     )
     angular = (ca.cross(arm, needed) + spin / robot.weight) / LEVER_ARM
-    return Element("momentum", inputs, where, rows=-ca.vertcat(needed, angular))
+    return Element(
+        "momentum",
+        inputs,
+        where,
+        rows=-ca.vertcat(needed, angular),
+        # Small beside the contacts' and the costs': leaving it out takes no more iterations.
+        without_curvature=tuple(where.names[0].names),
+    )
 
 
 def _angular_momentum_rate(robot: RobotModel, rpy: ca.SX, rate: ca.SX, second: ca.SX) -> ca.SX:
@@ -74,19 +105,19 @@ def _angular_momentum_rate(robot: RobotModel, rpy: ca.SX, rate: ca.SX, second: c
     return rotation @ (inertia @ change_B + ca.cross(omega_B, inertia @ omega_B))
 
 
-def _contacts(context: Context, rows: Indices) -> list[Element]:
+def _contacts(context: Context, times: Array, sums: Indices) -> list[Element]:
     """Forces of first, middle and last stances: three elements, for their ends differ."""
     scope = context.settings.scope
     met: dict[StanceKind, list[tuple[int, int, int]]] = {}
-    for node in range(scope.n_nodes):
+    for sample, time in enumerate(times):
         for slot in range(N_FEET):
-            for stance in context.windows.stances_met(slot, node * BASE_STEP):
+            for stance in context.windows.stances_met(slot, time):
                 kind = StanceKind.of(stance, scope.n_stances)
-                met.setdefault(kind, []).append((node, slot, stance))
+                met.setdefault(kind, []).append((sample, slot, stance))
     elements = []
     for kind, triples in sorted(met.items()):
-        node, slot, stance = np.array(triples).T
-        where = _contact_instances(context, kind, node, slot, stance, rows)
+        sample, slot, stance = np.array(triples).T
+        where = _contact_instances(context, kind, sample, slot, stance, sums, times)
         elements.append(_contact(context, kind, where))
     return elements
 
@@ -94,25 +125,27 @@ def _contacts(context: Context, rows: Indices) -> list[Element]:
 def _contact_instances(
     context: Context,
     kind: StanceKind,
-    node: Indices,
+    sample: Indices,
     slot: Indices,
     stance: Indices,
-    rows: Indices,
+    sums: Indices,
+    times: Array,
 ) -> Instances:
     """Inputs: the stance's variable contact changes, its foothold, its force points."""
-    times, forces = context.quantities["times"], context.quantities["forces"]
+    changes, forces = context.quantities["times"], context.quantities["forces"]
     n_stances = context.settings.scope.n_stances
     pushes = [forces[i, stance_points(j, n_stances)] for i, j in zip(slot, stance, strict=True)]
     chosen = {"foothold": context.quantities["footholds"][slot, stance], "push": np.stack(pushes)}
     if kind is not StanceKind.FIRST:
-        chosen["begin"] = times[slot, 2 * stance - 1]
+        chosen["begin"] = changes[slot, 2 * stance - 1]
     if kind is not StanceKind.LAST:
-        chosen["end"] = times[slot, 2 * stance]
+        chosen["end"] = changes[slot, 2 * stance]
+    step = context.settings.base_samples_per_knot // BALANCE_SAMPLES_PER_KNOT
     return instances(
         chosen,
-        {"reference": context.parameters["reference"][node]},
-        {"time": node * BASE_STEP},
-        rows[node],
+        {"reference": context.parameters["reference"][step * sample]},
+        {"time": times[sample]},
+        sums[sample],
     )
 
 

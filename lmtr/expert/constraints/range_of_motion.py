@@ -1,7 +1,8 @@
 """Range of motion: every foot stays in a box around its neutral position in the base frame.
 
-Held at every ``range_of_motion_step``, in stance and in swing. Rows are offsets in half sides of
-the box. The same offset carries a small cost, so that feet prefer their neutral positions.
+Held at every ``range_of_motion_step``, in stance and in swing, with a margin for what feet do in
+between. Rows are offsets in half sides of the box. The same offset carries a small cost, so that
+feet prefer their neutral positions.
 """
 
 import casadi as ca
@@ -25,7 +26,7 @@ from lmtr.robot.model import N_FEET
 def range_of_motion(context: Context) -> ConstraintGroup:
     """Three rows per sample and foot, from the first sample after the given start."""
     step = context.settings.range_of_motion_step
-    count = context.quantities["position"].shape[0] - 1
+    count = (context.settings.scope.n_nodes - 1) * context.settings.samples_per_knot
     rows = np.arange(count * N_FEET * 3).reshape(count, N_FEET, 3)
     met: dict[int, list[tuple[int, int, int]]] = {}
     for sample in range(1, count + 1):
@@ -37,8 +38,9 @@ def range_of_motion(context: Context) -> ConstraintGroup:
         sample, slot, first = np.array(triples).T
         where = _instances(context, swings, sample, slot, first, rows)
         elements.append(_offset(context, swings, where))
-    ones = np.ones(rows.size)
-    return ConstraintGroup("range_of_motion", elements, -ones, ones)
+    share = 1.0 - context.settings.range_of_motion_margin / np.array(context.robot.range_of_motion)
+    limit = np.tile(share, rows.size // 3)
+    return ConstraintGroup("range_of_motion", elements, -limit, limit)
 
 
 def _instances(
@@ -48,10 +50,11 @@ def _instances(
     quantities, slots, firsts = context.quantities, slot[:, None], first[:, None]
     steps = firsts + np.arange(swings)
     changes = 2 * firsts + np.arange(2 * swings)
+    of_base = sample * context.settings.base_samples_per_knot // context.settings.samples_per_knot
     return instances(
         {
-            "position": quantities["position"][sample],
-            "rpy": quantities["rpy"][sample],
+            "position": quantities["position"][of_base],
+            "rpy": quantities["rpy"][of_base],
             "times": quantities["times"][slots, changes],
             "footholds": quantities["footholds"][slots, firsts + np.arange(swings + 1)],
             "middles": quantities["middle"][slots, steps],
