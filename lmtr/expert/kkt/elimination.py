@@ -1,4 +1,4 @@
-"""Symbolic factorization: in which order to eliminate, and what is computed together.
+"""Symbolic factorization (E33): in which order to eliminate, and what is computed together.
 
 The order is that of minimum degree. Neighbouring columns whose fill is alike are eliminated
 together as the pivots of a *front*, a dense matrix over the pivots and the rows that they touch

@@ -75,61 +75,68 @@ static void take_over(int child_front, const double *v, int pivots, double *pane
     }
 }
 
-/* Factor the pivot columns of a front. Returns its negative pivots, or -1 if one is zero. */
-static int factor_panel(double *panel, int stride, int pivots) {
-  int negative = 0;
-  for (int j = 0; j < pivots; ++j) {
-    double *column = panel + j * stride;
-    double factor[MAX_PIVOTS];
-    for (int p = 0; p < j; ++p) factor[p] = panel[p * stride + j] * panel[p * stride + p];
-    const int begin = j - j % LANES; /* rows above the diagonal hold nothing of use */
-    for (int i = begin; i < stride; i += LANES) {
-      lanes sum = load(column + i);
-      for (int p = 0; p < j; ++p) sum -= load(panel + p * stride + i) * factor[p];
-      store(column + i, sum);
-    }
-    const double pivot = column[j];
-    if (!(magnitude(pivot) > SMALLEST_PIVOT)) return -1;
-    negative += pivot < 0.0;
-    for (int i = begin; i < stride; i += LANES) store(column + i, load(column + i) / pivot);
-    memset(column + begin, 0, sizeof(double) * (size_t)(j - begin));
-    column[j] = pivot;
-  }
-  return negative;
-}
-
-/* Subtract L D L' of the pivots from four columns of the border's matrix, from row `begin` on. */
-static void update_columns(const double *panel, int stride, int pivots, const double *factor,
-                           double *border, int border_stride, int begin) {
-  for (int i = begin; i < border_stride; i += LANES) {
-    double *column = border + i;
-    lanes c0 = load(column), c1 = load(column + border_stride);
-    lanes c2 = load(column + 2 * border_stride), c3 = load(column + 3 * border_stride);
-    const double *l = panel + i;
-    for (int p = 0; p < pivots; ++p, l += stride) {
-      const lanes value = load(l);
+/* Subtract L D L' of some pivots from four columns, rows `begin` to `end`. A factor holds four
+ * entries of D L' for each pivot.
+ */
+static void update_columns(const double *l, int stride, int pivots, const double *factor,
+                           double *to, int to_stride, int begin, int end) {
+  for (int i = begin; i < end; i += LANES) {
+    double *column = to + i;
+    lanes c0 = load(column), c1 = load(column + to_stride);
+    lanes c2 = load(column + 2 * to_stride), c3 = load(column + 3 * to_stride);
+    const double *pivot = l + i;
+    for (int p = 0; p < pivots; ++p, pivot += stride) {
+      const lanes value = load(pivot);
       c0 -= value * factor[4 * p];
       c1 -= value * factor[4 * p + 1];
       c2 -= value * factor[4 * p + 2];
       c3 -= value * factor[4 * p + 3];
     }
     store(column, c0);
-    store(column + border_stride, c1);
-    store(column + 2 * border_stride, c2);
-    store(column + 3 * border_stride, c3);
+    store(column + to_stride, c1);
+    store(column + 2 * to_stride, c2);
+    store(column + 3 * to_stride, c3);
   }
+}
+
+/* Entries of D L' in the four columns from `row` on, of the first pivots of a front. */
+static void factors(const double *panel, int stride, int pivots, int row, double *factor) {
+  for (int p = 0; p < pivots; ++p)
+    for (int q = 0; q < 4; ++q) /* beyond the front's rows padding holds zeros */
+      factor[4 * p + q] = panel[p * stride + row + q] * panel[p * stride + p];
+}
+
+/* Factor the pivot columns of a front. Returns its negative pivots, or -1 if one is zero. */
+static int factor_panel(double *panel, int stride, int pivots) {
+  int negative = 0;
+  double factor[4 * MAX_PIVOTS];
+  for (int j = 0; j < pivots; ++j) {
+    const int begin = j - j % LANES; /* what is above the diagonal is never read */
+    double *column = panel + j * stride;
+    if (j % 4 == 0) {
+      factors(panel, stride, j, j, factor);
+      update_columns(panel, stride, j, factor, column, stride, begin, stride);
+    }
+    for (int p = j - j % 4; p < j; ++p) {
+      const double *l = panel + p * stride, scaled = l[j] * l[p];
+      for (int i = begin; i < stride; i += LANES) store(column + i, load(column + i) - load(l + i) * scaled);
+    }
+    const double pivot = column[j];
+    if (!(magnitude(pivot) > SMALLEST_PIVOT)) return -1;
+    negative += pivot < 0.0;
+    for (int i = begin; i < stride; i += LANES) store(column + i, load(column + i) / pivot);
+    column[j] = pivot;
+  }
+  return negative;
 }
 
 static void update_border(const double *panel, int stride, int pivots, double *border,
                           int border_stride, int size) {
   double factor[4 * MAX_PIVOTS];
-  const double *below = panel + pivots;
   for (int j = 0; j < size; j += 4) {
-    for (int p = 0; p < pivots; ++p)
-      for (int q = 0; q < 4; ++q) /* padding holds zeros */
-        factor[4 * p + q] = below[p * stride + j + q] * panel[p * stride + p];
-    update_columns(below, stride, pivots, factor, border + j * border_stride, border_stride,
-                   j - j % LANES);
+    factors(panel, stride, pivots, pivots + j, factor);
+    update_columns(panel + pivots, stride, pivots, factor, border + j * border_stride,
+                   border_stride, j - j % LANES, border_stride);
   }
 }
 

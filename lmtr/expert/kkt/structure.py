@@ -1,15 +1,15 @@
 """What is known of a Newton step before any value is: the structure of its linear system.
 
 With Hessian H, Jacobians J_c of equalities and J_d of inequalities, and slacks s of the latter,
-IPOPT solves
+IPOPT solves (E30)
 
     [ H + Σ_x        J_cᵀ   J_dᵀ ] [ Δx  ]
     [         Σ_s            −I  ] [ Δs  ]
     [ J_c           −δ_c         ] [ y_c ]   = r.
     [ J_d     −I            −δ_d ] [ y_d ]
 
-Slacks and y_d can be eliminated one row at a time, which adds J_dᵀ P J_d to H with a diagonal
-P = (Σ_s⁻¹ + δ_d)⁻¹. What is left, the condensed system in (x, y_c), is a quarter of the size and
+Slacks and y_d can be eliminated one row at a time (E31), which adds J_dᵀ P J_d to H with a diagonal
+P = (Σ_s⁻¹ + δ_d)⁻¹. What is left, the condensed system in (x, y_c) (E32), is a quarter of the size and
 hardly denser, for rows of one sample and foot couple variables that the Hessian couples anyway.
 """
 
@@ -105,7 +105,7 @@ class KktStructure:
 
     @cached_property
     def condensed(self) -> sp.csc_matrix:
-        """Pattern of the condensed system, both triangles, in the order x, y_c."""
+        """Pattern of the condensed system (E32), both triangles, in the order x, y_c."""
         counts = [len(group.columns) for group in self.groups]
         columns = np.concatenate([np.empty(0, np.intp), *(group.columns for group in self.groups)])
         rows = np.repeat(np.arange(len(counts)), counts)
