@@ -82,7 +82,7 @@ class Scope(Settings):
 
 
 class CostWeights(Settings):
-    """Weights of the expert's costs c (Eq. 2); every one may be changed without recompiling.
+    """Weights of the expert's costs (E22–E24); every one may be changed without recompiling.
 
     Attributes:
         acceleration: On ∫|r̈|² dt (per m²/s³).
@@ -155,9 +155,10 @@ class SolverSettings(Settings):
         tolerance: Scaled optimality at which a solve has converged.
         constraint_tolerance: Largest constraint violation of a converged solve (scaled rows).
         early_objective_change: Relative change of the cost over an iteration below which a nearly
-            feasible iterate counts as converged: the last digits of the cost move no foothold.
+            feasible iterate counts as converged (E37): the last digits of the cost move no
+            foothold.
         early_iterations: Iterations in a row that must be so.
-        proximal: Hessian-only damping ρ of contact times and footholds; it takes the place of
+        proximal: Hessian-only damping ρ of contact times and footholds (E29); it takes the place of
             curvature that is left out on purpose and moves no optimum.
     """
 
@@ -167,7 +168,7 @@ class SolverSettings(Settings):
     constraint_tolerance: Positive = 1e-4
     early_objective_change: Positive = 2e-4
     early_iterations: Count = 3
-    proximal: NonNegative = 2.0
+    proximal: NonNegative = 1.0
 
 
 class ExpertSettings(Settings):

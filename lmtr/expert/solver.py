@@ -167,11 +167,16 @@ def _ipopt_options(settings: SolverSettings) -> dict[str, float | int | str]:
         "max_cpu_time": settings.time_limit,
         "tol": settings.tolerance,
         "constr_viol_tol": settings.constraint_tolerance,
-        # A small barrier from the start: costs are of order one and guesses near-feasible.
+        # The barrier follows the progress, and starts small: costs are of order one.
         "mu_strategy": "adaptive",
-        "mu_init": 3e-3,
-        "mu_max": 1e-2,
-        "mu_min": 1e-5,
+        "mu_init": 1e-2,
+        "mu_max": 1.0,
+        "mu_min": 3e-5,
+        # Away from the bounds at first: the feet of a guess stand on the edge of their range.
+        "bound_push": 0.1,
+        "bound_frac": 0.1,
+        "slack_bound_push": 0.1,
+        "slack_bound_frac": 0.1,
         # Stop early where the cost has settled, at small residuals of any other kind.
         "acceptable_tol": 1.0,
         "acceptable_iter": settings.early_iterations,

@@ -41,10 +41,11 @@ class Ma27:
         count = np.int32(len(self._rows))
         structure = self._size, count, self._rows, self._columns
         self._pass("ma27ad_", *structure, *"iiiiiii", "r", self.info, "r")
+        self._room = int(self.info[4])
         return int(self.info[0])
 
     def factor(self):
-        self._storage = np.zeros(self.info[4])
+        self._storage = np.zeros(self._room)
         self._storage[: len(self.values)] = self.values
         count, room = np.int32(len(self._rows)), np.int32(len(self._storage))
         structure = self._size, count, self._rows, self._columns

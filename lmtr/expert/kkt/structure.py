@@ -9,8 +9,8 @@ IPOPT solves (E30)
     [ J_d     −I            −δ_d ] [ y_d ]
 
 Slacks and y_d can be eliminated one row at a time (E31), which adds J_dᵀ P J_d to H with a diagonal
-P = (Σ_s⁻¹ + δ_d)⁻¹. What is left, the condensed system in (x, y_c) (E32), is a quarter of the size and
-hardly denser, for rows of one sample and foot couple variables that the Hessian couples anyway.
+P = (Σ_s⁻¹ + δ_d)⁻¹. What is left, the condensed system in (x, y_c) (E32), is a quarter of the size
+and hardly denser, for rows of one sample and foot couple variables that the Hessian couples anyway.
 """
 
 from dataclasses import dataclass
