@@ -7,6 +7,8 @@ for forces and feet at a time, ``stances`` for the points of a stance's force, a
 which samples meet which phases). ``assembly`` turns elements into the solver's functions with
 exact derivatives, ``compilation`` into machine code, and ``solver`` hands them to IPOPT.
 
+``docs/formulation.md`` derives all of it; what is cited as (E…) are its equations.
+
 Reference of the approach: Winkler et al., "Gait and trajectory optimization for legged systems
 through phase-based end-effector parameterization", RA-L 2018.
 """

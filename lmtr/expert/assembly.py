@@ -3,7 +3,7 @@
 Every element is differentiated once, as a small scalar expression graph; its instances are
 gathered from the quantity vector and mapped. The nonzeros of all instances, laid end to end, are
 brought to the nonzeros of the Jacobian or Hessian by one constant sparse matrix, which holds both
-the scatter and the chain rule through the linear quantities q = C·x + …:
+the scatter and the chain rule (E26, E27) through the linear quantities q = C·x + …:
 
     ∂g/∂x = (∂g/∂q)·C,    ∇²L = Cᵀ·(∇²_q L)·C.
 
@@ -194,7 +194,7 @@ class Assembly:
 
 
 def _curvature(element: Element) -> tuple[ca.SX, tuple[ca.SX, ca.SX]]:
-    """Second derivative of λ_f·cost + λᵀrows that the solver is given, and its multipliers."""
+    """Second derivative of λ_f·cost + λᵀrows for the solver (E27), and its multipliers."""
     q = element.symbols.quantities
     lam_f, lam = ca.SX.sym("lam_f"), ca.SX.sym("lam", element.rows.numel())
     cost = element.cost_hessian

@@ -1,4 +1,4 @@
-"""Costs of the expert's problem: smooth motion, smooth forces, footholds away from lines.
+"""Costs of the expert's problem (E22–E25): smooth motion, smooth forces, feet away from lines.
 
 The paper names the obstacle cost (Sec. 4.2); the others keep solutions of one task comparable
 and short stops near the optimum harmless. The cost on foot offsets stands beside the range of
@@ -50,7 +50,7 @@ def _weighted(chosen: Indices, weight: Indices) -> Instances:
 
 
 def _squares(name: str, chosen: Indices, weight: Indices, unit: float, target: float) -> Element:
-    """Weight · unit · Σ (quantity − target)²."""
+    """Weight · unit · Σ (quantity − target)², a term of (E22–E24)."""
     where = _weighted(chosen, weight)
     inputs = symbols(where)
     cost = inputs["weight"] * unit * ca.sumsqr(inputs["chosen"] - target)
@@ -58,7 +58,7 @@ def _squares(name: str, chosen: Indices, weight: Indices, unit: float, target: f
 
 
 def _force_roughness(context: Context) -> list[Element]:
-    """Mean squared slope and curvature of each stance's cubics over their unit times."""
+    """Mean squared slope and curvature of each stance's cubics over their unit times (E23)."""
     points, n_stances = context.quantities["forces"], context.settings.scope.n_stances
     chosen: dict[StanceKind, list[Indices]] = {}
     for stance in range(n_stances):
@@ -96,10 +96,10 @@ def _bezier_gram(order: int) -> Array:
 
 
 def _obstacles(context: Context) -> Element:
-    """Potential weight·exp(−d²/2σ²) of every free foothold at distance d from every line.
+    """Potential weight·exp(−d²/2σ²) of free footholds at distances d from lines (E25).
 
-    Its curvature enters the Hessian by magnitude, |f''|, for a foothold near a line sits on top
-    of the potential, where the true one would send the step towards the line.
+    Its curvature enters the Hessian by magnitude, |v''| (E28), for a foothold near a line sits on
+    top of the potential, where the true one would send the step towards the line.
     """
     feet = context.quantities["footholds"][:, 1:].reshape(-1, 2)
     parameters = context.parameters
@@ -129,7 +129,7 @@ def _obstacles(context: Context) -> Element:
 
 
 def _proximal(name: str, chosen: Indices, context: Context) -> Element:
-    """No cost, but the Hessian of ½ρ·Δ² around every iterate."""
+    """No cost, but the Hessian of ½ρ·Δ² around every iterate (E29)."""
     where = _weighted(chosen, context.parameters["proximal"])
     inputs = symbols(where)
     damping = inputs["weight"] * ca.SX.eye(chosen.shape[1])

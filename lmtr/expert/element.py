@@ -74,9 +74,9 @@ class Element:
         cost_hessian: What the solver takes as second derivative of the cost, (n, n); by default
             the exact one.
         without_curvature: Names of the quantities with respect to which the solver is told no
-            curvature of rows. This keeps the Hessian from having directions of wrong curvature,
-            which cost iterations, and moves no solution: only derivatives of first order define
-            it.
+            curvature of rows (E27). This keeps the Hessian from having directions of wrong
+            curvature, which cost iterations, and moves no solution: only derivatives of first
+            order define it.
     """
 
     name: str

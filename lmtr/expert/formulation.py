@@ -1,4 +1,4 @@
-"""The expert's optimization problem: a table of contents (Sec. 4.1–4.2).
+"""The expert's optimization problem (E1): a table of contents (Sec. 4.1–4.2).
 
     minimize    costs(x; p)
     subject to  dynamics, range of motion, phase durations, friction, bounds on x
@@ -110,7 +110,7 @@ def _placed(groups: list[ConstraintGroup]) -> list[Placed]:
 
 
 def _bounds(context: Context, variables: Blocks) -> tuple[Array, Array]:
-    """Simple bounds; those on control points bound the whole splines (convex hull)."""
+    """Simple bounds (E10, E20, E21); those on control points bound whole splines (convex hull)."""
     settings, nominal_height = context.settings, context.robot.nominal_height
     limits, clearance = settings.limits, settings.scope.clearance
     lower, upper = np.full(variables.size, -np.inf), np.full(variables.size, np.inf)

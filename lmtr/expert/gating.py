@@ -1,9 +1,9 @@
 """Forces and foot positions at a given time without look-ups: C¹ in time and in contact times.
 
-A phase's polynomials are evaluated at local times clipped to [0, 1], so that each holds its start
-value before and its end value after it. Sums of such increments need no branch on where a sample
-lies, which an optimizer whose contact times are free must not have; and a sample that cannot meet
-a phase within the timing windows leaves it out, which is the problem's sparsity.
+A phase's polynomials are evaluated at local times clipped to [0, 1] (E7), so that each holds its
+start value before and its end value after it. Sums of such increments need no branch on where a
+sample lies, which an optimizer whose contact times are free must not have; and a sample that cannot
+meet a phase within the timing windows leaves it out, which is the problem's sparsity.
 """
 
 from typing import Any
@@ -15,12 +15,12 @@ from lmtr.trajectory.trajectory import FORCE_PIECES
 
 
 def clipped(u: Any) -> Any:  # noqa: ANN401 - a float or a CasADi expression
-    """Local time held in [0, 1]."""
+    """Local time held in [0, 1] (E7)."""
     return ca.fmin(ca.fmax(u, 0.0), 1.0)
 
 
 def stance_force(time: Any, begin: Any, end: Any, points: list[Any]) -> Any:  # noqa: ANN401
-    """Force at ``time`` of the stance from ``begin`` to ``end`` (s), in the unit of its points.
+    """Force at ``time`` of the stance from ``begin`` to ``end``, in the unit of its points (E8).
 
     Args:
         time: Time (s).
@@ -46,7 +46,7 @@ def swing_displacement(
     slope: Any,  # noqa: ANN401
     there: Any,  # noqa: ANN401
 ) -> Any:  # noqa: ANN401
-    """Way that one swing has covered at ``time``: zero before it and there − here after it (m).
+    """Way (m) that a swing has covered at ``time``, from zero to ``there`` − ``here`` (E9).
 
     Args:
         time: Time (s).

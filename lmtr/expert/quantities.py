@@ -1,6 +1,6 @@
 """Physical quantities that the constraints and costs speak of, all linear in the variables.
 
-A quantity vector is q = C·[x; p] + c with decision variables x and parameters p. The element
+A quantity vector is q = C·[x; p] + c (E6) with variables x and parameters p. The element
 functions of constraints and costs are written in q, and the assembly carries their derivatives
 over to x through the constant C.
 """
@@ -61,10 +61,10 @@ def quantity_blocks(settings: ExpertSettings) -> Blocks:
     """Blocks of the quantity vector.
 
     position, rpy, rpy_rate, acceleration, rpy_acceleration: Base (m, rad, s) at ``n_samples``
-        times from 0 to T̄, of which every base node is one.
+        times from 0 to T̄, of which every base node is one (E3).
     footholds: x, y of every stance (m), by slot.
     middle: Position of the middle of each swing (m), by slot.
-    middle_slope: Its horizontal velocity times half the swing's duration (m), by slot.
+    middle_slope: Its horizontal velocity times half the swing's duration (E5) (m), by slot.
     Besides, the variables ``SAME_AS_VARIABLES``.
     """
     scope, variables = settings.scope, variable_blocks(settings.scope)
@@ -86,7 +86,7 @@ def quantity_blocks(settings: ExpertSettings) -> Blocks:
 
 @dataclass(frozen=True)
 class LinearMap:
-    """q = of_variables·x + of_parameters·p + constant, as sparse matrices."""
+    """q = of_variables·x + of_parameters·p + constant (E6), as sparse matrices."""
 
     of_variables: sp.csr_matrix
     of_parameters: sp.csr_matrix

@@ -33,7 +33,7 @@ class Scatter:
         )
 
     def through_columns(self, linear: sp.csr_matrix) -> "Scatter":
-        """M ↦ M·C."""
+        """M ↦ M·C (E26)."""
         count = np.diff(linear.indptr)[self.columns]
         entry = np.repeat(np.arange(len(self.rows)), count)
         begin = np.repeat(linear.indptr[self.columns], count)
@@ -65,7 +65,7 @@ class Scatter:
         )
 
     def congruent(self, linear: sp.csr_matrix) -> "Scatter":
-        """Upper triangle of Cᵀ·M·C."""
+        """Upper triangle of Cᵀ·M·C (E27)."""
         both = self.through_columns(linear).transposed().through_columns(linear)
         upper = both.rows <= both.columns
         return Scatter(

@@ -1,4 +1,4 @@
-"""Stance forces as free Bézier points: which there are, and where they stand in a stance.
+"""Stance forces as free Bézier points (E4): which there are, and where they stand in a stance.
 
 A stance's force is two cubics (``FORCE_PIECES``), hence seven Bézier points. Where they meet the
 force is C¹, so their shared point is the mean of its neighbours and no variable; and next to a

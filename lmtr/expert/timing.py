@@ -36,7 +36,7 @@ class Windows:
 
 
 def windows(settings: ExpertSettings) -> Windows:
-    """Windows t_nominal ± W, cut so that first and last stances keep their shortest duration."""
+    """Windows t_nominal ± W, cut so that first and last stances keep their shortest time (E10)."""
     scope, limits = settings.scope, settings.limits
     nominal = contact_times(scope, tuple(range(N_FEET)))
     margin = limits.stance[0]

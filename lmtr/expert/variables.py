@@ -1,15 +1,15 @@
-"""Decision variables of the expert: their blocks, and the way to and from a trajectory.
+"""Decision variables x (E2): their blocks, and the way to and from a trajectory.
 
 Feet are numbered here by *slot*, the order in which they first swing, so that one problem serves
 every first foot. Quantities are chosen so that constraints become linear where they can:
 
-* the base is given by the control points of a uniform cubic B-spline, hence C²; the three at
-  either end are equal (a static end) and no variables;
+* the base is given by the control points of a uniform cubic B-spline (E3), hence C²; the three
+  at either end are equal (a static end) and no variables;
 * contact changes are absolute times, so a force depends on two of them only;
-* a stance force is given by the Bézier control points of its two cubics, in weights: whatever
-  convex bound these keep is kept at all times;
+* a stance force is given by the Bézier control points of its two cubics (E4), in weights:
+  whatever convex bound these keep is kept at all times;
 * the middle of a swing is an offset from the point half-way, and its velocity is multiplied by
-  the swing's duration, so that positions in a swing are linear in them.
+  the swing's duration, so that positions in a swing are linear in them (E5).
 """
 
 import numpy as np
@@ -31,7 +31,7 @@ BEZIER_DEGREE = 3
 
 
 def variable_blocks(scope: Scope) -> Blocks:
-    """Blocks of the decision vector.
+    """Blocks of the decision vector (E2).
 
     control: B-spline points x, y, z (m), roll, pitch, yaw (rad) between the fixed ends.
     times: Lift-off and touch-down of each swing (s), by slot.

@@ -1,17 +1,17 @@
-"""Single-rigid-body dynamics around the base nodes (Sec. 4.1).
+"""Single-rigid-body dynamics around the base nodes (E11–E17; Sec. 4.1).
 
-Linear: Σ f_i = m(r̈ + g e_z). Angular, about the origin shifted to a constant reference c:
+Linear: Σ f_i = m(r̈ + g e_z) (E11). Angular, about a constant reference c instead of r (E13):
 Σ (p_i − c) × f_i = (r − c) × m(r̈ + g e_z) + d/dt(I_W ω). With the linear rows this is the usual
 balance about the centre of mass r; but base and contacts are then additively separable, so no
 contact couples with the base's motion in the Jacobian or Hessian. The reference is the guessed
 base position, which keeps lever arms, and with them the scaling, as they are about r.
 
 What holds is not the balance at each node but its mean around the node, weighted with the hat
-function that falls to zero at the neighbours (a Galerkin method, by Simpson's rule: a third each at
-the node and at the points half-way to its neighbours). The base's acceleration is linear between
-nodes and forces are curved; collocation at the nodes would leave an error of one sign in between,
-which adds up, while this one has no mean: planned forces lead where the plan says. At the two ends,
-where the robot rests, the balance itself holds.
+function that falls to zero at the neighbours (E15; a Galerkin method, by Simpson's rule: a third
+each at the node and at the points half-way to its neighbours). The base's acceleration is linear
+between nodes and forces are curved; collocation at the nodes would leave an error of one sign in
+between, which adds up, while this one has no mean (E16): planned forces lead where the plan says
+(E17). At the two ends, where the robot rests, the balance itself holds.
 
 Rows are in weights and in weights times ``LEVER_ARM``.
 """
@@ -57,7 +57,7 @@ def _sample_times(nodes: int) -> Array:
 
 
 def _means(nodes: int) -> sp.csr_matrix:
-    """From balances at samples to their means around each node; at either end there is none."""
+    """From balances at samples to their means around each node (E15), but at either end."""
     samples = BALANCE_SAMPLES_PER_KNOT * np.arange(1, nodes - 1)[:, None] + np.array([-1, 0, 1])
     columns = np.concatenate([[0], samples.reshape(-1), [BALANCE_SAMPLES_PER_KNOT * (nodes - 1)]])
     rows = np.concatenate([[0], np.repeat(np.arange(1, nodes - 1), 3), [nodes - 1]])
@@ -67,7 +67,7 @@ def _means(nodes: int) -> sp.csr_matrix:
 
 
 def _base(context: Context, sums: Indices) -> Element:
-    """Minus the change of momentum, in weights."""
+    """Minus the change of momentum, in weights (E14)."""
     robot, quantities = context.robot, context.quantities
     step = context.settings.base_samples_per_knot // BALANCE_SAMPLES_PER_KNOT
     chosen = slice(None, None, step)
@@ -97,7 +97,7 @@ def _base(context: Context, sums: Indices) -> Element:
 
 
 def _angular_momentum_rate(robot: RobotModel, rpy: ca.SX, rate: ca.SX, second: ca.SX) -> ca.SX:
-    """d/dt(I_W ω) = R·(I_B ω̇_B + ω_B × I_B ω_B) in N·m, where ω̇_B is Rᵀω̇_W."""
+    """d/dt(I_W ω) = R·(I_B ω̇_B + ω_B × I_B ω_B) in N·m, where ω̇_B is Rᵀω̇_W (E12)."""
     rotation, rates = rotation_matrix(rpy), rate_matrix(rpy)
     inertia = ca.DM(robot.inertia_B)
     omega_B = rotation.T @ (rates @ rate)
@@ -150,7 +150,7 @@ def _contact_instances(
 
 
 def _contact(context: Context, kind: StanceKind, where: Instances) -> Element:
-    """A foot's force and moment, zero outside its stance."""
+    """A foot's force and moment, zero outside its stance (E14)."""
     inputs = symbols(where)
     begin = 0.0 if kind is StanceKind.FIRST else inputs["begin"]
     end = context.settings.scope.duration if kind is StanceKind.LAST else inputs["end"]

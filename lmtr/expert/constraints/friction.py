@@ -1,4 +1,4 @@
-"""Friction pyramid |f_x|, |f_y| ≤ μ f_z on every Bézier point of the forces.
+"""Friction pyramid |f_x|, |f_y| ≤ μ f_z on every Bézier point of the forces (E20).
 
 A cubic lies in the convex hull of its Bézier points and the pyramid is convex, so these linear
 rows hold the friction law at all times, not at nodes only. That a force pushes and is bounded

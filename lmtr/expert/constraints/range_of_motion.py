@@ -1,8 +1,8 @@
-"""Range of motion: every foot stays in a box around its neutral position in the base frame.
+"""Range of motion (E18): feet stay in boxes around their neutral positions in the base frame.
 
 Held at every ``range_of_motion_step``, in stance and in swing, with a margin for what feet do in
-between. Rows are offsets in half sides of the box. The same offset carries a small cost, so that
-feet prefer their neutral positions.
+between. Rows are offsets in half sides of the box. The same offset carries a small cost (E24), so
+that feet prefer their neutral positions.
 """
 
 import casadi as ca
@@ -91,7 +91,7 @@ def _offset(context: Context, swings: int, where: Instances) -> Element:
 
 
 def _foot(inputs: Symbols, swings: int) -> ca.SX:
-    """Position of the foot (m): its first foothold and the ways of the swings since."""
+    """Position of the foot (m): its first foothold and the ways of the swings since (E9)."""
     changes = ca.vertsplit(inputs["times"])
     footholds = [ca.vertcat(xy, 0.0) for xy in ca.vertsplit(inputs["footholds"], 2)]
     middles = ca.vertsplit(inputs["middles"], 3)

@@ -1,4 +1,4 @@
-"""Phase durations: linear rows between the absolute times of neighbouring contact changes."""
+"""Phase durations (E19): linear rows between the absolute times of contact changes."""
 
 import numpy as np
 
