@@ -1,1 +1,1 @@
-"""Benchmarks, run by hand: ``expert.py``, ``planner.py`` and ``thresholds.py``."""
+"""Benchmarks, run by hand: ``expert.py``, ``obstacles.py``, ``planner.py`` and ``thresholds.py``."""

@@ -5,7 +5,6 @@ hard tasks stand out. ``draws``: a few tasks, each from several initial guesses,
 them tells what the others might have cost.
 """
 
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from enum import StrEnum
@@ -14,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from rich.progress import track
 
+from benchmarks.kept import read_rows, write_rows
 from lmtr.arrays import Array
-from lmtr.errors import DataError
 from lmtr.expert.solve import Expert
 from lmtr.quality.cost_model import task_features
 from lmtr.quality.measure import Violations, measure
@@ -148,8 +147,7 @@ def solve(expert: Expert, kind: Kind, index: int, draw: int) -> Solve:
 
 def write(path: Path, cost_key: str, solves: Sequence[Solve]) -> None:
     """Keep solves in a file, with the digest of what their costs depend on."""
-    rows = ",\n".join(json.dumps(asdict(s)) for s in solves)
-    path.write_text(f'{{"cost_key": "{cost_key}", "solves": [\n{rows}\n]}}\n')
+    write_rows(path, {"cost_key": cost_key}, [asdict(s) for s in solves])
 
 
 def read(path: Path) -> tuple[str, list[Solve]]:
@@ -158,11 +156,9 @@ def read(path: Path) -> tuple[str, list[Solve]]:
     Raises:
         DataError: There are none.
     """
-    if not path.is_file():
-        raise DataError(f"thresholds: {path} does not exist; solve first, without --redraw")
-    content = json.loads(path.read_text())
+    head, rows = read_rows(path, "thresholds")
     solves = [
         Solve(**row | {name: tuple(row[name]) for name in ("features", "saturated")})
-        for row in content["solves"]
+        for row in rows
     ]
-    return content["cost_key"], solves
+    return head["cost_key"], solves

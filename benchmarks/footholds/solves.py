@@ -1,0 +1,162 @@
+"""Solves as rows: where the feet came down beside the lines, and how far the legs reached."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from rich.progress import track
+
+from benchmarks.footholds.families import Group
+from benchmarks.kept import read_rows, write_rows
+from lmtr.arrays import Array
+from lmtr.expert.solve import Expert
+from lmtr.geometry.line import signed_distance
+from lmtr.quality.filter import QualityThresholds, expected_cost, judge
+from lmtr.quality.measure import measure
+from lmtr.quality.status import Status
+from lmtr.rollout.metrics import forward_offset, forward_violation
+from lmtr.streams import Purpose, stream
+from lmtr.task.sampling import sample_noise, sample_task
+from lmtr.trajectory.motion import sampled
+
+SEED = 2718
+"""Seed of all tasks; those of other benchmarks are others."""
+
+LIMIT = 0.2
+"""Forward range of motion (m) that replanners are judged by (Sec. 5.2)."""
+
+SAMPLE_STEP = 0.005
+"""Spacing of the samples at which reaches are measured (s)."""
+
+
+@dataclass(frozen=True)
+class Walk:
+    """One solve in figures.
+
+    Attributes:
+        group: Name of its group.
+        index: Number of its task.
+        status: Outcome.
+        iterations: Iterations of the solver.
+        cpu_s: Processor time of the solve (s).
+        cost: Cost.
+        distance: From start to goal (m).
+        reasons: Why the quality filter refuses it, empty if it is accepted.
+        apart: Signed distance of every foothold but the given first ones to every line
+            (n, 4, N̄_p) in m, positive beyond the line.
+        reach: Furthest that a standing foot is ahead of neutral or behind it (m).
+        violation: Mean over standing feet and samples of what of this exceeds ``LIMIT`` (m).
+        overshoot: Furthest that a standing foot leaves its own range of motion (m).
+    """
+
+    group: str
+    index: int
+    status: str
+    iterations: int
+    cpu_s: float
+    cost: float
+    distance: float
+    reasons: tuple[str, ...]
+    apart: Array
+    reach: float
+    violation: float
+    overshoot: float
+
+    @property
+    def converged(self) -> bool:
+        """Whether the solver converged."""
+        return self.status == Status.CONVERGED
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the quality filter accepts it."""
+        return not self.reasons
+
+    @property
+    def closest(self) -> Array:
+        """Distance of each line to each foot's closest foothold, (n, 4) in m."""
+        return np.asarray(np.abs(self.apart).min(axis=-1))
+
+
+def solve(expert: Expert, group: Group, index: int) -> Walk:
+    """Solve one task of a group."""
+    rng = stream(SEED, Purpose.TASK, index)
+    task = sample_task(group.tasks, group.robot, rng)
+    noise = sample_noise(group.tasks, group.settings.scope.n_swings, rng)
+    solution = expert.solve(task, noise)
+    thresholds = QualityThresholds(judge_cost=group.judge_cost)
+    found = measure(solution.trajectory, group.robot, task.obstacles_W)
+    expected = expected_cost(task, group.robot, group.settings.cost_key, thresholds)
+    verdict = judge(solution.status, solution.cost, expected, found, thresholds, solution.saturated)
+    motion = sampled(solution.trajectory, SAMPLE_STEP)
+    # Lines are directed to the left of the path, so the side beyond them has negative distance.
+    apart = -signed_distance(task.obstacles_W[:, None, None], solution.trajectory.footholds[:, 1:])
+    return Walk(
+        group=group.name,
+        index=index,
+        status=str(solution.status),
+        iterations=solution.iterations,
+        cpu_s=solution.solve_cpu_s,
+        cost=solution.cost,
+        distance=float(np.linalg.norm(task.goal_pose_W[:2] - task.start_pose_W[:2])),
+        reasons=verdict.reasons,
+        apart=apart,
+        reach=float(np.nanmax(np.abs(forward_offset(motion, group.robot)))),
+        violation=float(np.nanmean(forward_violation(motion, group.robot, LIMIT))),
+        overshoot=found.stance_overshoot,
+    )
+
+
+def solve_groups(
+    groups: Iterable[Group],
+    count: int,
+    cache: Path | None,
+    kept: Sequence[Walk],
+    save: Callable[[Sequence[Walk]], None],
+) -> list[Walk]:
+    """Solve the first tasks of all groups, and save after each group.
+
+    Args:
+        groups: The groups.
+        count: Tasks of each.
+        cache: Folder of compiled problems.
+        kept: Walks that need not be solved again.
+        save: Called with all walks so far.
+    """
+    walks = list(kept)
+    expert: Expert | None = None
+    for group in groups:
+        known = {walk.index for walk in kept if walk.group == group.name}
+        missing = [index for index in range(count) if index not in known]
+        if not missing:
+            continue
+        if expert is None or (expert.robot, expert.settings) != (group.robot, group.settings):
+            expert = Expert(group.robot, group.settings, cache)
+        walks += [solve(expert, group, index) for index in track(missing, group.name)]
+        save(walks)
+    return walks
+
+
+def write(path: Path, groups: Iterable[Group], walks: Sequence[Walk]) -> None:
+    """Keep walks in a file, lengths to a tenth of a millimetre."""
+    rows = [
+        asdict(replace(walk, apart=np.round(walk.apart, 4).tolist()))  # JSON knows no arrays
+        for walk in walks
+    ]
+    write_rows(path, {"groups": {group.name: group.key for group in groups}}, rows)
+
+
+def read(path: Path, groups: Iterable[Group]) -> list[Walk]:
+    """Walks that :func:`write` kept, of groups that are still the same.
+
+    Raises:
+        DataError: There is no such file.
+    """
+    head, rows = read_rows(path, "obstacles")
+    same = {group.name for group in groups if head.get("groups", {}).get(group.name) == group.key}
+    return [
+        Walk(**row | {"reasons": tuple(row["reasons"]), "apart": np.array(row["apart"])})
+        for row in rows
+        if row["group"] in same
+    ]
