@@ -1,1 +1,4 @@
-"""Benchmarks, run by hand: ``expert.py``, ``obstacles.py``, ``planner.py`` and ``thresholds.py``."""
+"""Benchmarks, run by hand: ``expert.py``, ``planner.py``, ``thresholds.py`` and ``obstacles.py``.
+
+What several of them need lies in ``kept``.
+"""
