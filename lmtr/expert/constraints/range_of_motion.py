@@ -1,8 +1,8 @@
 """Range of motion (E18): feet stay in boxes around their neutral positions in the base frame.
 
 Held at every ``range_of_motion_step``, in stance and in swing, with a margin for what feet do in
-between. Rows are offsets in half sides of the box. The same offset carries a small cost (E24), so
-that feet prefer their neutral positions.
+between. Rows are offsets in half sides of the box. At the base nodes the same offset carries a
+small cost (E24), so that feet prefer their neutral positions.
 """
 
 import casadi as ca
@@ -21,6 +21,7 @@ from lmtr.expert.element import (
 from lmtr.expert.gating import swing_displacement
 from lmtr.expert.rotation import rotation_matrix
 from lmtr.robot.model import N_FEET
+from lmtr.trajectory.trajectory import BASE_STEP
 
 
 def range_of_motion(context: Context) -> ConstraintGroup:
@@ -28,16 +29,17 @@ def range_of_motion(context: Context) -> ConstraintGroup:
     step = context.settings.range_of_motion_step
     count = (context.settings.scope.n_nodes - 1) * context.settings.samples_per_knot
     rows = np.arange(count * N_FEET * 3).reshape(count, N_FEET, 3)
-    met: dict[int, list[tuple[int, int, int]]] = {}
+    met: dict[tuple[int, bool], list[tuple[int, int, int]]] = {}
     for sample in range(1, count + 1):
+        at_node = sample % context.settings.samples_per_knot == 0
         for slot in range(N_FEET):
             first, last = context.windows.swings_met(slot, sample * step)
-            met.setdefault(last - first, []).append((sample, slot, first))
+            met.setdefault((last - first, at_node), []).append((sample, slot, first))
     elements = []
-    for swings, triples in sorted(met.items()):
+    for (swings, at_node), triples in sorted(met.items()):
         sample, slot, first = np.array(triples).T
         where = _instances(context, swings, sample, slot, first, rows)
-        elements.append(_offset(context, swings, where))
+        elements.append(_offset(context, swings, at_node, where))
     share = 1.0 - context.settings.range_of_motion_margin / np.array(context.robot.range_of_motion)
     limit = np.tile(share, rows.size // 3)
     return ConstraintGroup("range_of_motion", elements, -limit, limit)
@@ -69,15 +71,19 @@ def _instances(
     )
 
 
-def _offset(context: Context, swings: int, where: Instances) -> Element:
+def _offset(context: Context, swings: int, at_node: bool, where: Instances) -> Element:
     """Offset of a foot that may be in any of ``swings`` swings, or in a stance beside them."""
     robot, inputs = context.robot, symbols(where)
     foot_W = _foot(inputs, swings)
     neutral_B = ca.vertcat(inputs["nominal_foot"], -robot.nominal_height)
     offset_B = rotation_matrix(inputs["rpy"]).T @ (foot_W - inputs["position"]) - neutral_B
     offset = offset_B / ca.DM(robot.range_of_motion)
-    weight = inputs["weight"] * context.settings.range_of_motion_step
-    slope = ca.jacobian(offset, inputs.quantities)
+    # The curvature of the cost stands for that of the rows, which saves no iterations.
+    uncurved = tuple(where.names[0].names)
+    if not at_node:
+        name = f"foot_between_nodes_{swings}"
+        return Element(name, inputs, where, rows=offset, without_curvature=uncurved)
+    weight, slope = inputs["weight"] * BASE_STEP, ca.jacobian(offset, inputs.quantities)
     return Element(
         f"foot_offset_{swings}",
         inputs,
@@ -86,7 +92,7 @@ def _offset(context: Context, swings: int, where: Instances) -> Element:
         cost=weight * ca.sumsqr(offset),
         cost_name="foot_offset",
         cost_hessian=2.0 * weight * (slope.T @ slope),  # Gauss–Newton: never indefinite
-        without_curvature=("times",),
+        without_curvature=uncurved,
     )
 
 
