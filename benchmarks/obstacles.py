@@ -85,9 +85,10 @@ def report(walks: Sequence[Walk], out: Path, record: bool) -> None:
         console.print(table)
     pictures = {
         "footholds": foothold_picture(walks, summary),
-        "range_of_motion": box_picture(walks, summary),
+        "range_of_motion": box_picture(summary),
     }
-    made = circumstances(load(None, []), SEED, len(walks), ca.CasadiMeta.version())
+    tasks = 1 + max(walk.index for walk in walks)
+    made = circumstances(load(None, []), SEED, tasks, ca.CasadiMeta.version())
     text = json.dumps(plain({"circumstances": asdict(made)} | summary), indent=1)
     for images, file in [(out, out / "obstacles.json"), *([(IMAGES, RECORD)] if record else [])]:
         file.write_text(text + "\n", encoding="utf-8")

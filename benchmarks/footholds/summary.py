@@ -75,10 +75,6 @@ def _family(walks: Sequence[Walk]) -> Summary:
     close = np.stack([walk.closest for walk in converged]) < CLOSE[1]
     left = [walk for walk in walks if (walk.apart[:, HIND, -1] < 0.0).any()]
     return _outcome(walks) | {
-        "reasons": {
-            reason: count
-            for reason, (count, _) in count_reasons([{"reasons": w.reasons} for w in walks]).items()
-        },
         "closest_foothold": quantiles(nearest),
         "pairs_close": shares_below(closest(walks)),
         "footholds_close": shares_below(np.concatenate(holds)),
@@ -94,6 +90,10 @@ def _outcome(walks: Sequence[Walk]) -> Summary:
         "tasks": len(walks),
         "converged": float(np.mean([walk.converged for walk in walks])),
         "accepted": _share_accepted(walks),
+        "reasons": {
+            reason: count
+            for reason, (count, _) in count_reasons([{"reasons": w.reasons} for w in walks]).items()
+        },
         "cpu_s": float(np.median([walk.cpu_s for walk in walks])),
         "iterations": float(np.median([walk.iterations for walk in walks])),
         "cost": float(np.median([walk.cost for walk in walks])),

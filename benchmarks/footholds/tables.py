@@ -46,12 +46,11 @@ def _families(families: Summary) -> Table:
         for potential, found in by_potential.items():
             # Who does not know of lines steps on them; that says nothing of the filter.
             blind = potential == called(NONE)
-            reasons = ", ".join(f"{name} {count}" for name, count in found["reasons"].items())
             table.add_row(
                 family,
                 potential,
                 *_outcome(found, NOTHING if blind else _percent(found["accepted"])),
-                NOTHING if blind else reasons,
+                NOTHING if blind else _reasons(found),
             )
     return table
 
@@ -64,6 +63,10 @@ def _outcome(found: dict[str, Any], accepted: str) -> tuple[str, ...]:
         f"{found['iterations']:.0f}",
         f"{found['cost']:.2f}",
     )
+
+
+def _reasons(found: dict[str, Any]) -> str:
+    return ", ".join(f"{name} {count}" for name, count in found["reasons"].items())
 
 
 def _pairs(families: Summary) -> Table:
@@ -109,6 +112,7 @@ def _boxes(boxes: Summary) -> Table:
         "Forward range of motion (m); reach beyond ±0.2 m on a 5 ms grid; costs are not judged",
         *("box", "goals", "converged %", "accepted %", "CPU s", "iterations", "cost"),
         *("cost ratio", "walks beyond %", "beyond, worst mm", "mean mm", "own box, worst mm"),
+        "refused for",
     )
     for box, found in boxes.items():
         for distance, mine in found.items():
@@ -122,6 +126,7 @@ def _boxes(boxes: Summary) -> Table:
                     f"{1000.0 * mine['beyond_limit']['largest']:.1f}",
                     f"{1000.0 * mine['mean_violation']:.4f}",
                     f"{1000.0 * mine['own_overshoot']['largest']:.1f}",
+                    _reasons(mine),
                 )
     return table
 

@@ -180,6 +180,6 @@ def test_tables_and_pictures_show_every_group():
         len(summary["families"][COMPARED[0]]) - 2
     )
     assert shown[3].row_count == 2 * len(BOXES)
-    for picture in (foothold_picture(walks, summary), box_picture(walks, summary)):
+    for picture in (foothold_picture(walks, summary), box_picture(summary)):
         assert all(axes.has_data() for axes in picture.axes)
         plt.close(picture)
