@@ -7,6 +7,7 @@ the feet walk under it, beginning with the one furthest back; the forces share t
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import isotonic_regression
 
 from lmtr.arrays import Array
 from lmtr.expert.settings import Scope
@@ -24,6 +25,9 @@ STANDING_SHARE = 0.30
 
 SWING_SPEED = 1.5
 """Horizontal velocity in mid-swing over the swing's mean; 1.5 is that of a single cubic."""
+
+SHORTEST_SWING, SHORTEST_STANCE, SHORTEST_END = 0.8, 0.3, 0.7
+"""Shortest swing, stance, and first or last stance in a noisy guess, as shares of nominal ones."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +53,7 @@ def initial_guess(task: Task, noise: Noise, robot: RobotModel, scope: Scope) -> 
         TaskError: The noise was drawn for another scope.
     """
     noise.require_scope(scope.n_swings)
-    order = gait_order(task, robot)
+    order = gait_order(task, robot, noise.first)
     times = contact_times(scope, order, noise)
     feet = _footholds(task, noise, robot, scope, times)
     control = base_control_points(task, noise, robot, scope)
@@ -65,7 +69,7 @@ def initial_guess(task: Task, noise: Noise, robot: RobotModel, scope: Scope) -> 
 
 
 def base_path(task: Task, noise: Noise, scope: Scope, times: Array) -> Array:
-    """Guessed x, y (m) and yaw (rad) of the base at ``times`` (...) in s; returns (..., 3)."""
+    """Guessed x, y (m) and yaw (rad) of the base at ``times`` (...) in s; (..., 3) (E35)."""
     phase = np.clip(times / scope.duration, 0.0, 1.0)
     change = task.goal_pose_W - task.start_pose_W
     change[2] = wrap_angle(change[2])
@@ -85,7 +89,7 @@ def base_control_points(task: Task, noise: Noise, robot: RobotModel, scope: Scop
 
 
 def contact_times(scope: Scope, order: tuple[int, ...], noise: Noise | None = None) -> Array:
-    """Contact changes (4, 2·N̄_p + 2) in s of a walk in the given order of feet.
+    """Contact changes (4, 2·N̄_p + 2) in s of a walk in the given order of feet (E34).
 
     Slot i of the order lifts off for the j-th time at ``first_liftoff + cycle·(j + i/4)``.
     """
@@ -95,15 +99,29 @@ def contact_times(scope: Scope, order: tuple[int, ...], noise: Noise | None = No
         liftoff = scope.first_liftoff + cycle * (np.arange(scope.n_swings) + slot / N_FEET)
         events = np.stack([liftoff, liftoff + swing], axis=-1).reshape(-1)
         if noise is not None:
-            # Noise must neither reorder a foot's events nor shrink a phase to nothing.
-            events = events + np.clip(noise.timing[slot], -0.3 * swing, 0.3 * swing)
-        times[foot, 1:-1] = np.clip(events, 0.05, scope.duration - 0.05)
+            events = _in_order(events + noise.timing[slot], scope)
+        times[foot, 1:-1] = events
         times[foot, -1] = scope.duration
     return times
 
 
+def _in_order(events: Array, scope: Scope) -> Array:
+    """The contact changes (2·N̄_p) s of one foot nearest to noisy ones that keep phases apart.
+
+    Noise must neither reorder a foot's events nor shrink a phase to nothing. Taking off the least
+    time that must have passed before each event leaves times that must only ascend: an isotonic
+    regression.
+    """
+    swing, stance = scope.nominal_swing, scope.nominal_cycle - scope.nominal_swing
+    least = np.tile([SHORTEST_SWING * swing, SHORTEST_STANCE * stance], scope.n_swings)[:-1]
+    passed = np.concatenate([[0.0], np.cumsum(least)])
+    edge = SHORTEST_END * scope.first_liftoff
+    ascending = isotonic_regression(events - passed).x
+    return np.asarray(np.clip(ascending, edge, scope.duration - edge - passed[-1]) + passed)
+
+
 def _footholds(task: Task, noise: Noise, robot: RobotModel, scope: Scope, times: Array) -> Array:
-    """Footholds (4, S, 3) under the guessed base at mid-stance, the ends at start and goal."""
+    """Footholds (4, S, 3) under the guessed base at mid-stance, ends at start and goal (E36)."""
     middle = 0.5 * (times[:, 0::2] + times[:, 1::2])
     pose = SE2.of(base_path(task, noise, scope, middle))
     neutral = np.repeat(robot.nominal_feet_B[:, None, :], scope.n_stances, axis=1)
@@ -124,7 +142,7 @@ def _swing_nodes(feet: Array, times: Array, clearance: float) -> Array:
 
 
 def _force_nodes(robot: RobotModel, scope: Scope) -> Array:
-    """Force nodes (4, S, K + 1, 2, 3): a share of the weight wherever no swing is next to it."""
+    """Force nodes (4, S, K + 1, 2, 3): a share of the weight away from swings (E36)."""
     nodes = np.zeros((N_FEET, scope.n_stances, FORCE_PIECES + 1, 2, 3))
     nodes[:, :, 1:-1, VALUE, 2] = STANDING_SHARE * robot.weight
     nodes[:, 0, 0, VALUE, 2] = STANDING_SHARE * robot.weight

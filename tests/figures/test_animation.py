@@ -94,7 +94,8 @@ def test_a_long_headline_leaves_the_clock_readable(walk, tmp_path):
 
     alone, beside = clock("short.gif", ""), clock("long.gif", title)
     assert (alone < 128).sum() > 100
-    np.testing.assert_array_equal(alone < 128, beside < 128)
+    # Each film has a palette of its own, which moves single grey pixels over the threshold.
+    assert ((alone < 128) != (beside < 128)).mean() < 0.01
 
 
 def test_other_endings_and_missing_ffmpeg_are_refused(walk, tmp_path, monkeypatch):

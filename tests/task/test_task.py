@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from lmtr.errors import TaskError
 from lmtr.robot.model import ANYMAL
@@ -39,6 +40,26 @@ def test_noise_that_is_not_finite_is_refused_by_its_field(name, wrong):
 def test_noise_of_another_shape_is_refused_by_its_field(name, shape):
     with pytest.raises(TaskError, match=f"noise: {name} must have shape"):
         replace(NOISE, **{name: np.zeros(shape)})
+
+
+@pytest.mark.parametrize("first", [-1, 4])
+def test_noise_names_one_of_four_places_of_the_walk(first):
+    with pytest.raises(TaskError, match=f"noise: first must be a place from 0 to 3.*got {first}"):
+        replace(NOISE, first=first)
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong"),
+    [
+        ("noise_timing", -0.01),
+        ("noise_pace", np.nan),
+        ("noise_pairing", -1.0),
+        ("noise_first_foot", 1.1),
+    ],
+)
+def test_settings_of_noise_are_checked(name, wrong):
+    with pytest.raises(ValidationError, match=name):
+        TaskDistribution(**{name: wrong})
 
 
 def test_noise_serves_the_number_of_swings_that_it_was_drawn_for():
