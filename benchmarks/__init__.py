@@ -1,4 +1,5 @@
-"""Benchmarks, run by hand: ``expert.py``, ``planner.py``, ``thresholds.py`` and ``obstacles.py``.
+"""Benchmarks, run by hand.
 
-What several of them need lies in ``kept``.
+``expert.py``, ``planner.py``, ``thresholds.py``, ``obstacles.py`` and ``diversity.py``; what several
+of them need lies in ``kept``.
 """

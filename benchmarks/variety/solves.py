@@ -1,0 +1,236 @@
+"""Solves of a few tasks from many initial guesses each, as rows that a file can keep.
+
+Two more kinds of solves tell whether modes are the problem's or the solver's. ``strict``: a guess
+solved once more, all the way to the optimum. ``nudged``: from a guess that is almost the same, to
+the usual tolerances and strictly.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from enum import StrEnum
+from pathlib import Path
+
+import numpy as np
+from rich.progress import track
+
+from benchmarks.kept import Row, read_rows, write_rows
+from lmtr.arrays import Array
+from lmtr.errors import ConfigurationError, DataError
+from lmtr.expert.settings import ExpertSettings
+from lmtr.expert.solve import Expert
+from lmtr.quality.filter import QualityThresholds, expected_cost, judge
+from lmtr.quality.measure import measure
+from lmtr.robot.model import RobotModel
+from lmtr.streams import Purpose, stream
+from lmtr.task.sampling import Noise, TaskDistribution, sample_noise, sample_task
+from lmtr.task.task import Task
+from lmtr.trajectory.trajectory import Trajectory
+
+TASK_SEED = 777
+"""Seed of the tasks."""
+
+NOISE_SEED = 1000
+"""Seed of the first draw of a task; later draws have the next ones."""
+
+NUDGE = 0.02
+"""Noise of a nudge over that of a draw: millimetres and milliseconds."""
+
+CHECKED = 2
+"""Draws of each task that are solved strictly and nudged too."""
+
+_DIGITS = 6
+"""Decimals that are kept of a trajectory's numbers."""
+
+
+class Kind(StrEnum):
+    """Kinds of solves."""
+
+    DRAW = "draw"
+    STRICT = "strict"
+    NUDGED = "nudged"
+    NUDGED_STRICT = "nudged_strict"
+
+
+@dataclass(frozen=True)
+class Walk:
+    """One solve.
+
+    Attributes:
+        kind: Kind of the solve.
+        index: Number of its task.
+        draw: Number of its guess.
+        status: Outcome.
+        iterations: Iterations of the solver.
+        cpu_s: Processor time of the solve (s).
+        cost: Cost.
+        reasons: Why the quality filter refuses it, empty if it is accepted.
+        first: Place of the first foot after the one furthest back.
+        liftoff_swaps: Pairs of lift-offs that changed order during the solve.
+        window_active: Whether a contact change lies on its window.
+        obstacles_W: Lines of its task, (n, 3).
+        goal_pose_W: Its goal.
+        trajectory: The solution.
+    """
+
+    kind: str
+    index: int
+    draw: int
+    status: str
+    iterations: int
+    cpu_s: float
+    cost: float
+    reasons: tuple[str, ...]
+    first: int
+    liftoff_swaps: int
+    window_active: bool
+    obstacles_W: Array
+    goal_pose_W: Array
+    trajectory: Trajectory
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the quality filter accepts it."""
+        return not self.reasons
+
+
+@dataclass(frozen=True)
+class Study:
+    """Which solves there are.
+
+    Attributes:
+        robot: The robot.
+        distribution: Distribution of tasks and noise.
+        settings: Settings of the expert.
+        quality: Thresholds by which solutions are accepted.
+        tasks: Number of tasks.
+        draws: Guesses of each.
+    """
+
+    robot: RobotModel
+    distribution: TaskDistribution
+    settings: ExpertSettings
+    quality: QualityThresholds
+    tasks: int
+    draws: int
+
+    def __post_init__(self) -> None:
+        if self.distribution.obstacle_count[0] < 1:
+            raise ConfigurationError(
+                "diversity: every task needs a line to cross, got tasks.obstacle_count = "
+                f"{self.distribution.obstacle_count}; raise its lower end"
+            )
+
+    def drawn(self, index: int, draw: int) -> tuple[Task, Noise]:
+        """A task and one of its draws of noise."""
+        task = sample_task(self.distribution, self.robot, stream(TASK_SEED, Purpose.TASK, index))
+        rng = stream(NOISE_SEED + draw, Purpose.TASK, index)
+        return task, sample_noise(self.distribution, self.settings.scope.n_swings, rng)
+
+    def nudged(self, index: int, draw: int) -> tuple[Task, Noise]:
+        """The same with a little of another draw's noise on top, and the same first foot."""
+        task, noise = self.drawn(index, draw)
+        _, other = self.drawn(index, self.draws + draw)
+        return task, replace(
+            noise,
+            amplitudes=noise.amplitudes + NUDGE * other.amplitudes,
+            timing=noise.timing + NUDGE * other.timing,
+        )
+
+
+def strict(settings: ExpertSettings) -> ExpertSettings:
+    """The same problem, solved to the optimum and never stopped early."""
+    solver = settings.solver.model_copy(
+        update={"early_objective_change": 1e-9, "tolerance": 1e-4, "max_iterations": 500}
+    )
+    return settings.model_copy(update={"solver": solver})
+
+
+def solve_all(study: Study, cache: Path | None) -> list[Walk]:
+    """Solve everything, one after the other."""
+    usual = Expert(study.robot, study.settings, cache)
+    exact = Expert(study.robot, strict(study.settings), cache)
+    jobs: list[tuple[Kind, int, int]] = [
+        (Kind.DRAW, index, draw) for index in range(study.tasks) for draw in range(study.draws)
+    ]
+    jobs += [
+        (kind, index, draw)
+        for kind in (Kind.STRICT, Kind.NUDGED, Kind.NUDGED_STRICT)
+        for index in range(study.tasks)
+        for draw in range(min(CHECKED, study.draws))
+    ]
+    walks = []
+    for kind, index, draw in track(jobs, "Solving", transient=True):
+        expert = exact if kind in (Kind.STRICT, Kind.NUDGED_STRICT) else usual
+        walks.append(solve(study, expert, kind, index, draw))
+    return walks
+
+
+def solve(study: Study, expert: Expert, kind: Kind, index: int, draw: int) -> Walk:
+    """Solve one task from one guess, and judge the solution."""
+    pick: Callable[[int, int], tuple[Task, Noise]] = (
+        study.drawn if kind in (Kind.DRAW, Kind.STRICT) else study.nudged
+    )
+    task, noise = pick(index, draw)
+    solution = expert.solve(task, noise)
+    found = measure(solution.trajectory, study.robot, task.obstacles_W)
+    expected = expected_cost(task, study.robot, study.settings.cost_key, study.quality)
+    verdict = judge(
+        solution.status, solution.cost, expected, found, study.quality, solution.saturated
+    )
+    return Walk(
+        kind=str(kind),
+        index=index,
+        draw=draw,
+        status=str(solution.status),
+        iterations=solution.iterations,
+        cpu_s=solution.solve_cpu_s,
+        cost=solution.cost,
+        reasons=verdict.reasons,
+        first=noise.first,
+        liftoff_swaps=solution.liftoff_swaps,
+        window_active=solution.window_active,
+        obstacles_W=task.obstacles_W,
+        goal_pose_W=task.goal_pose_W,
+        trajectory=solution.trajectory,
+    )
+
+
+def write(path: Path, walks: Sequence[Walk]) -> None:
+    """Keep walks in a file."""
+    rows = []
+    for walk in walks:
+        row = {f.name: getattr(walk, f.name) for f in fields(walk)}
+        row["trajectory"] = {
+            name: np.round(array, _DIGITS).tolist()
+            for name, array in asdict(walk.trajectory).items()
+        }
+        rows.append(row | {name: row[name].tolist() for name in ("obstacles_W", "goal_pose_W")})
+    write_rows(path, {}, rows)
+
+
+def read(path: Path) -> list[Walk]:
+    """Walks that :func:`write` kept.
+
+    Raises:
+        DataError: There are none, or of another form.
+    """
+    _, rows = read_rows(path, "diversity")
+    try:
+        return [_walk(row) for row in rows]
+    except (KeyError, TypeError) as error:
+        raise DataError(
+            f"diversity: the solves in {path} are of another form ({error}); solve once more"
+        ) from error
+
+
+def _walk(row: Row) -> Walk:
+    nodes = {name: np.array(values) for name, values in row["trajectory"].items()}
+    return Walk(
+        **row
+        | {
+            "reasons": tuple(row["reasons"]),
+            "obstacles_W": np.array(row["obstacles_W"]).reshape(-1, 3),
+            "goal_pose_W": np.array(row["goal_pose_W"]),
+            "trajectory": Trajectory(**nodes),
+        }
+    )
