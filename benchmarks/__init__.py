@@ -1,5 +1,5 @@
 """Benchmarks, run by hand.
 
-``expert.py``, ``planner.py``, ``thresholds.py``, ``obstacles.py`` and ``diversity.py``; what several
-of them need lies in ``kept``.
+``expert.py``, ``planner.py``, ``thresholds.py``, ``obstacles.py`` and ``diversity.py``; what
+several of them need lies in ``kept``.
 """
