@@ -38,7 +38,7 @@ class Scope(Settings):
     duration: Positive = 7.5
     n_swings: Count = 6
     swing_share: Positive = 0.28
-    first_liftoff: Positive = 0.3
+    first_liftoff: Positive = 0.4
     clearance: Positive = 0.08
 
     @model_validator(mode="after")
@@ -107,7 +107,7 @@ class CostWeights(Settings):
     foot_offset: NonNegative = 0.03
     horizontal_force: NonNegative = 0.02
     force_slope: NonNegative = 0.02
-    force_curvature: NonNegative = 0.002
+    force_curvature: NonNegative = 0.004
     swing_offset: NonNegative = 1.0
     swing_drift: NonNegative = 1.0
 
@@ -128,7 +128,7 @@ class Limits(Settings):
     """
 
     swing: Bounds = (0.25, 0.7)
-    stance: Bounds = (0.2, 2.5)
+    stance: Bounds = (0.3, 2.5)
     window: Positive = 0.5
     force: Positive = 1.5
     height: Positive = 0.15
@@ -168,7 +168,7 @@ class SolverSettings(Settings):
     constraint_tolerance: Positive = 1e-4
     early_objective_change: Positive = 2e-4
     early_iterations: Count = 3
-    proximal: NonNegative = 1.0
+    proximal: NonNegative = 2.0
 
 
 class ExpertSettings(Settings):
@@ -188,8 +188,8 @@ class ExpertSettings(Settings):
     """
 
     scope: Scope = Scope()
-    obstacle_weight: NonNegative = 0.5
-    obstacle_sigma: Positive = 0.1
+    obstacle_weight: NonNegative = 1.0
+    obstacle_sigma: Positive = 0.08
     costs: CostWeights = CostWeights()
     limits: Limits = Limits()
     range_of_motion_step: Positive = 0.05

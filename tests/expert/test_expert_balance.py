@@ -187,7 +187,7 @@ def potentials(footholds, lines):
     """exp(−d²/2σ²) of footholds (n, 2) at distances d from lines (x, y, angle)."""
     x, y, angle = lines.T
     across = (footholds[:, :1] - x) * np.sin(angle) - (footholds[:, 1:] - y) * np.cos(angle)
-    return np.exp(-(across**2) / (2.0 * 0.1**2))
+    return np.exp(-(across**2) / (2.0 * 0.08**2))
 
 
 def swing_offsets(trajectory):
@@ -242,10 +242,10 @@ def test_each_cost_is_what_its_name_says(rebuilt, case):
         "foot_offset": 0.03 * 0.1 * (offsets_in_half_sides(rebuilt) ** 2).sum(),
         "horizontal_force": 0.02 * (free_force_points(trajectory)[:, :2] ** 2).sum(),
         "force_slope": 0.02 * force_roughness(rebuilt, 1).sum(),
-        "force_curvature": 0.002 * force_roughness(rebuilt, 2).sum(),
+        "force_curvature": 0.004 * force_roughness(rebuilt, 2).sum(),
         "swing_offset": (offset**2).sum(),
         "swing_drift": (drift**2).sum(),
-        "obstacles": 0.5 * potentials(feet, case.task.obstacles_W).sum(),
+        "obstacles": 1.0 * potentials(feet, case.task.obstacles_W).sum(),
     }
     assert told == pytest.approx(expected, rel=1e-7)
     assert case.solution.cost == pytest.approx(sum(expected.values()), rel=1e-7)
