@@ -29,8 +29,8 @@ SOUND = Violations(
     linear_residual_rms=0.1,
     angular_residual_peak=0.9,
     angular_residual_rms=0.3,
-    drift=0.007,
-    stance_overshoot=0.002,
+    drift=0.0013,
+    stance_overshoot=0.001,
     swing_overshoot=0.003,
     friction_excess=0.0,
     pull=0.0,
@@ -149,7 +149,7 @@ def test_cost_is_judged_against_the_task_only():
 
 
 def test_thresholds_can_be_moved_and_are_checked():
-    strict = QualityThresholds(drift=0.005)
+    strict = QualityThresholds(drift=0.001)
     assert verdict(limits=strict).reasons == ("drift",)
     with pytest.raises(ValidationError):
         QualityThresholds(drift=-1.0)
