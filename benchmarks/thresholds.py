@@ -99,7 +99,7 @@ def main(
         if not redraw:
             expert = Expert(ANYMAL, ExpertSettings(), cache)
             solves = solve_all(expert, Amount(tasks, tasks, repeated, draws))
-            write(kept, expert.settings.cost_key, solves)
+            write(kept, expert.settings.cost_key(ANYMAL), solves)
         cost_key, solves = read(kept)
         report(cost_key, solves, (keep_cost, keep), out, record)
     except LmtrError as error:

@@ -35,7 +35,7 @@ class SolveWorker:
         task, noise = drawn(config, index)
         solution = self._expert.solve(task, noise)
         violations = measure(solution.trajectory, robot, task.obstacles_W)
-        expected = expected_cost(task, robot, config.expert.cost_key, config.quality)
+        expected = expected_cost(task, robot, config.expert.cost_key(robot), config.quality)
         verdict = judge(
             str(solution.status),
             solution.cost,

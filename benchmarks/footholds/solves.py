@@ -87,7 +87,7 @@ def solve(expert: Expert, group: Group, index: int) -> Walk:
     solution = expert.solve(task, noise)
     thresholds = QualityThresholds(judge_cost=group.judge_cost)
     found = measure(solution.trajectory, group.robot, task.obstacles_W)
-    expected = expected_cost(task, group.robot, group.settings.cost_key, thresholds)
+    expected = expected_cost(task, group.robot, group.settings.cost_key(group.robot), thresholds)
     verdict = judge(solution.status, solution.cost, expected, found, thresholds, solution.saturated)
     motion = sampled(solution.trajectory, SAMPLE_STEP)
     # Lines are directed to the left of the path, so the side beyond them has negative distance.

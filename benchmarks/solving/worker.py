@@ -73,10 +73,12 @@ def set_up(source: str | None, overrides: Sequence[str], cache: Path) -> tuple[E
     begin = time.perf_counter()
     expert = Expert(config.dataset.robot, config.expert, cache)
     seconds = time.perf_counter() - begin
+    key = config.expert.cost_key
     return expert, {
         "casadi": casadi.CasadiMeta.version(),
-        "cost_key": config.expert.cost_key,
+        "cost_key": key(config.dataset.robot) if callable(key) else key,  # once without the robot
         "setup_s": seconds,
+        "compiled": expert.compiled,
         **asdict(expert.build_report),
     }
 

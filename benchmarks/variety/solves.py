@@ -173,7 +173,7 @@ def solve(study: Study, expert: Expert, kind: Kind, index: int, draw: int) -> Wa
     task, noise = pick(index, draw)
     solution = expert.solve(task, noise)
     found = measure(solution.trajectory, study.robot, task.obstacles_W)
-    expected = expected_cost(task, study.robot, study.settings.cost_key, study.quality)
+    expected = expected_cost(task, study.robot, study.settings.cost_key(study.robot), study.quality)
     verdict = judge(
         solution.status, solution.cost, expected, found, study.quality, solution.saturated
     )

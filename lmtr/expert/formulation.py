@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from lmtr.arrays import Array, Indices
-from lmtr.errors import ConfigurationError, TaskError
+from lmtr.errors import TaskError
 from lmtr.expert.assembly import Assembled, Assembly, Placed
 from lmtr.expert.blocks import Blocks
 from lmtr.expert.constraints.dynamics import dynamics
@@ -27,6 +27,7 @@ from lmtr.expert.element import ConstraintGroup
 from lmtr.expert.initial_guess import InitialGuess
 from lmtr.expert.quantities import linear_map
 from lmtr.expert.settings import ExpertSettings
+from lmtr.expert.suitability import require_suitable
 from lmtr.expert.timing import Windows
 from lmtr.expert.variables import variable_blocks
 from lmtr.robot.model import RobotModel
@@ -67,18 +68,7 @@ def formulate(robot: RobotModel, settings: ExpertSettings) -> Formulation:
         ConfigurationError: The settings ask the robot's base below the ground, or leave its feet
             no room.
     """
-    if settings.range_of_motion_margin >= min(robot.range_of_motion):
-        raise ConfigurationError(
-            f"expert: range_of_motion_margin must be less than the range of motion "
-            f"{robot.range_of_motion} m of robot {robot.name!r}, got "
-            f"{settings.range_of_motion_margin} m, which leaves its feet no room; lower it"
-        )
-    if settings.limits.height >= robot.nominal_height:
-        raise ConfigurationError(
-            f"expert: limits.height must be less than the nominal height {robot.nominal_height} m "
-            f"of robot {robot.name!r}, got {settings.limits.height} m, which lets its base sink "
-            "into the ground; lower it"
-        )
+    require_suitable(robot, settings)
     context = Context.of(robot, settings)
     groups = [dynamics(context), range_of_motion(context), timing(context), friction(context)]
     rows = Blocks({group.name: group.lower.shape for group in groups})

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import model_validator
 
-from lmtr.robot.model import N_FEET
+from lmtr.robot.model import N_FEET, RobotModel
 from lmtr.settings import Count, NonNegative, Positive, Settings, ascending
 from lmtr.trajectory.trajectory import BASE_STEP
 
@@ -196,13 +196,13 @@ class ExpertSettings(Settings):
     range_of_motion_margin: NonNegative = 0.008
     solver: SolverSettings = SolverSettings()
 
-    @property
-    def cost_key(self) -> str:
-        """Short digest of what the cost of a walk depends on: scope and all weights.
+    def cost_key(self, robot: RobotModel) -> str:
+        """Short digest of what the costs of a robot's walks depend on.
 
-        Costs of solutions can be compared where it is the same.
+        That is the robot's figures and all settings but the solver's. Costs of solutions can be
+        compared where it is the same.
         """
-        parts = self.model_dump(include={"scope", "costs", "obstacle_weight", "obstacle_sigma"})
+        parts = [robot.model_dump(exclude={"name"}), self.model_dump(exclude={"solver"})]
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:12]
 
     @property

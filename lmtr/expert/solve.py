@@ -114,7 +114,8 @@ class Expert:
             TaskError: No plan can solve the task.
         """
         scope = self.settings.scope
-        task.require_possible(self.robot, scope.duration, scope.n_swings)
+        margin = self.settings.range_of_motion_margin
+        task.require_possible(self.robot, scope.duration, scope.n_swings, margin)
         guess = initial_guess(task, noise, self.robot, scope)
         start = pack(guess, self.robot, scope)
         parameters = parameter_values(

@@ -31,9 +31,9 @@ class CostModel(Settings):
     """A cost linear in the features of a task; nothing that makes a task harder lowers it.
 
     Attributes:
-        robot: Name of the robot that it was fitted for; nothing is expected of others.
-        cost_key: Digest of the scope and cost weights that it was fitted for, as the expert's
-            settings give it; nothing is expected of others.
+        robot: Name of the robot that it was fitted for, for people.
+        cost_key: Digest of the robot's figures and the expert's settings that it was fitted for,
+            as those settings give it; nothing is expected of others.
         intercept: Cost of a task whose features are all zero.
         distance_squared: Per square metre of the distance from start to goal.
         lateral: Per metre that the goal lies beside the start's x axis.
@@ -84,7 +84,7 @@ def fit_cost_model(features: Array, costs: Array, robot: str, cost_key: str) -> 
         features: Of n tasks, (n, 5).
         costs: Of their solutions, (n,).
         robot: Name of the robot.
-        cost_key: Digest of the expert's scope and cost weights.
+        cost_key: Digest of all that these costs depend on, as the expert's settings give it.
 
     Returns:
         The model; none if there are too few solves to fit six coefficients.
@@ -122,7 +122,7 @@ def fit_cost_model(features: Array, costs: Array, robot: str, cost_key: str) -> 
 
 DEFAULT_COST_MODEL = CostModel(
     robot="anymal",
-    cost_key="8e1289913857",
+    cost_key="8371f2f29c89",
     intercept=1.55,
     distance_squared=0.285,
     lateral=0.0454,

@@ -62,7 +62,7 @@ class QualityThresholds(Settings):
             counts as a close step of a replanner, for what is learnt comes out a little off.
         tolerated_limits: Names of limits of the problem that a solution may lie on nevertheless.
         judge_cost: Whether the cost is judged; it never is where ``cost_model`` does not apply,
-            that is, for another robot, scope, or weights of the expert's costs.
+            that is, for other figures of the robot or other settings of the expert's problem.
         cost_excess: Largest cost above the expected one, as a share of that [0, 0.20]. Of ten
             tasks solved from eight guesses each, all solutions beyond were at least a tenth
             dearer than the best of their task: poor local optima.
@@ -113,12 +113,11 @@ def expected_cost(
     Args:
         task: The task.
         robot: The robot that solves it.
-        cost_key: Digest of the scope and cost weights that it is solved with.
+        cost_key: Digest of all that costs depend on, of the robot and expert that solve it.
         thresholds: Whether the cost is judged, and by which model.
     """
     model = thresholds.cost_model
-    applies = model.robot == robot.name and model.cost_key == cost_key
-    if not thresholds.judge_cost or not applies:
+    if not thresholds.judge_cost or model.cost_key != cost_key:
         return None
     return float(model.predict(task_features(task, robot)))
 

@@ -12,6 +12,9 @@ from lmtr.robot.model import FEET, N_FEET, RobotModel
 MAX_OBSTACLES = 4
 """Obstacle lines that a task may have; a fifth would hardly leave room for a step."""
 
+_ROUNDING = 1e-9
+"""What rounding may add to the offset of a foot (m)."""
+
 
 @dataclass(frozen=True)
 class Task:
@@ -39,25 +42,29 @@ class Task:
         """Start feet relative to the start pose, (4, 2) in m."""
         return SE2.of(self.start_pose_W).over(1).invert().apply(self.start_feet_W)
 
-    def require_possible(self, robot: RobotModel, duration: float, n_swings: int) -> None:
+    def require_possible(
+        self, robot: RobotModel, duration: float, n_swings: int, margin: float
+    ) -> None:
         """Refuse a task that no plan can solve.
 
         Args:
             robot: The robot that should solve it.
             duration: Time available, T̄ (s).
             n_swings: Swings per leg, N̄_p.
+            margin: How far inside its range of motion the plan keeps a foot (m).
 
         Raises:
-            TaskError: A start foot lies outside its range of motion, or the goal is further away
+            TaskError: A start foot lies where no plan may keep it, or the goal is further away
                 than the legs can reach with ``n_swings`` swings.
         """
-        box = np.array(robot.range_of_motion[:2])
+        room = foot_room(robot, margin)
         offset = np.abs(self.start_feet_B() - robot.nominal_feet_B[:, :2])
-        for foot, excess in zip(FEET, offset - box, strict=True):
-            if excess.max() > 1e-9:
+        for foot, excess in zip(FEET, offset - room, strict=True):
+            if excess.max() > _ROUNDING:
                 raise TaskError(
-                    f"task: start foot {foot} lies {excess.max():.3f} m outside the range of "
-                    f"motion ±{tuple(map(float, box))} m of robot {robot.name!r}; move it closer"
+                    f"task: start foot {foot} must stay within the range of motion "
+                    f"±{robot.range_of_motion[:2]} m of robot {robot.name!r} less a margin of "
+                    f"{margin} m, got {excess.max():.3f} m beyond; move it closer to neutral"
                 )
         distance = float(np.linalg.norm(self.goal_pose_W[:2] - self.start_pose_W[:2]))
         limit = reach(robot, n_swings)
@@ -67,6 +74,16 @@ class Task:
                 f"most {limit:.2f} m with {n_swings} swings per leg in {duration} s; "
                 "bring the goal closer"
             )
+
+
+def foot_room(robot: RobotModel, margin: float) -> Array:
+    """Largest offsets (2,) of a foot from neutral, forward and lateral, that plans keep to (m).
+
+    Args:
+        robot: The robot.
+        margin: How far inside its range of motion the foot stays (m).
+    """
+    return np.array(robot.range_of_motion[:2]) - margin
 
 
 def reach(robot: RobotModel, n_swings: int) -> float:

@@ -170,7 +170,7 @@ def test_draws_share_their_task_and_a_nudge_is_small():
     _, nudged = STUDY.nudged(1, 0)
     assert nudged.first == noise.first
     assert 0.0 < np.abs(nudged.timing - noise.timing).max() < 10.0 * NUDGE * 0.1
-    assert strict(STUDY.settings).cost_key == STUDY.settings.cost_key
+    assert strict(STUDY.settings).cost_key(ANYMAL) == STUDY.settings.cost_key(ANYMAL)
 
 
 def test_tasks_without_a_line_have_nothing_to_cross():

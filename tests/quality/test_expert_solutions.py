@@ -47,7 +47,7 @@ def test_expert_solutions_break_no_law_and_most_are_accepted(solved):
     limits, accepted = QualityThresholds(), 0
     for task, solution in solved:
         violations = measure(solution.trajectory, ANYMAL, task.obstacles_W)
-        expected = expected_cost(task, ANYMAL, ExpertSettings().cost_key, limits)
+        expected = expected_cost(task, ANYMAL, ExpertSettings().cost_key(ANYMAL), limits)
         assert expected is not None
         verdict = judge(
             solution.status, solution.cost, expected, violations, limits, solution.saturated

@@ -167,14 +167,33 @@ def test_further_goals_are_expected_to_be_dearer():
 
 def test_nothing_is_expected_of_another_robot_or_when_cost_is_not_judged():
     task = tasks(1)[0]
-    assert expected_cost(task, HYQ, KEY, LIMITS) is None
+    assert expected_cost(task, HYQ, ExpertSettings().cost_key(HYQ), LIMITS) is None
     assert expected_cost(task, ANYMAL, KEY, QualityThresholds(judge_cost=False)) is None
 
 
 def test_the_default_costs_are_those_that_the_model_was_fitted_for():
-    assert ExpertSettings().cost_key == KEY
-    same = ExpertSettings(solver=SolverSettings(max_iterations=300), limits=Limits(force=1.4))
-    assert expected_cost(tasks(1)[0], ANYMAL, same.cost_key, LIMITS) > 0.0
+    assert ExpertSettings().cost_key(ANYMAL) == KEY
+    same = ExpertSettings(solver=SolverSettings(max_iterations=300)).cost_key(ANYMAL)
+    assert expected_cost(tasks(1)[0], ANYMAL, same, LIMITS) > 0.0
+
+
+def test_a_robot_is_known_by_its_figures_and_not_by_its_name():
+    renamed = ANYMAL.model_copy(update={"name": "anymal_c"})
+    assert ExpertSettings().cost_key(renamed) == KEY
+    others = {
+        "mass": 35.0,
+        "moments": (1.0, 2.0, 2.0),
+        "products": (0.0, 0.0, 0.0),
+        "nominal_forward": 0.36,
+        "nominal_lateral": 0.2,
+        "nominal_height": 0.45,
+        "range_of_motion": (0.15, 0.12, 0.1),
+        "friction": 0.5,
+    }
+    assert {"name", *others} == set(type(ANYMAL).model_fields)
+    changed = [ANYMAL.model_copy(update={name: value}) for name, value in others.items()]
+    keys = {ExpertSettings().cost_key(robot) for robot in changed}
+    assert len(keys - {KEY}) == len(others)
 
 
 @pytest.mark.parametrize(
@@ -185,11 +204,14 @@ def test_the_default_costs_are_those_that_the_model_was_fitted_for():
         {"obstacle_sigma": 0.2},
         {"scope": Scope(duration=10.0, n_swings=6)},
         {"scope": Scope(n_swings=5)},
+        {"limits": Limits(force=1.4)},
+        {"range_of_motion_margin": 0.02},
+        {"range_of_motion_step": 0.1},
     ],
     ids=repr,
 )
 def test_a_cost_of_another_kind_is_left_unjudged(other):
-    key = ExpertSettings(**other).cost_key
+    key = ExpertSettings(**other).cost_key(ANYMAL)
     assert key != KEY
     expected = expected_cost(tasks(1)[0], ANYMAL, key, LIMITS)
     assert expected is None

@@ -71,21 +71,35 @@ def test_noise_serves_the_number_of_swings_that_it_was_drawn_for():
 def test_a_goal_out_of_reach_is_refused():
     far = replace(TASK, goal_pose_W=np.array([9.0, 0.0, 0.0]))
     with pytest.raises(TaskError, match=r"9\.00 m away.*bring the goal closer"):
-        far.require_possible(ANYMAL, 7.5, 6)
+        far.require_possible(ANYMAL, 7.5, 6, 0.008)
 
 
 def test_a_start_foot_outside_its_range_of_motion_is_refused_by_its_name():
     feet = TASK.start_feet_W.copy()
     feet[2, 0] -= 0.5
     with pytest.raises(TaskError, match="LH"):
-        replace(TASK, start_feet_W=feet).require_possible(ANYMAL, 7.5, 6)
+        replace(TASK, start_feet_W=feet).require_possible(ANYMAL, 7.5, 6, 0.008)
+
+
+def test_a_start_foot_may_use_all_of_its_room_but_not_the_margin():
+    def forward(offset):
+        feet = ANYMAL.nominal_feet_B[:, :2].copy()
+        feet[1, 0] += offset
+        return replace(TASK, start_feet_W=feet)
+
+    limit = ANYMAL.range_of_motion[0] - 0.01
+    forward(limit).require_possible(ANYMAL, 7.5, 6, 0.01)
+    beyond = forward(limit + 0.002)
+    beyond.require_possible(ANYMAL, 7.5, 6, 0.0)
+    with pytest.raises(TaskError, match=r"RF .* margin of 0\.01 m, got 0\.002 m beyond"):
+        beyond.require_possible(ANYMAL, 7.5, 6, 0.01)
 
 
 @given(st.integers(0, 2**63), st.integers(0, 10**9))
 def test_every_drawn_task_is_possible_and_lies_in_its_ranges(seed, index):
     distribution = TaskDistribution()
     task = sample_task(distribution, ANYMAL, stream(seed, Purpose.TASK, index))
-    task.require_possible(ANYMAL, 7.5, 6)
+    task.require_possible(ANYMAL, 7.5, 6, 0.008)
     low, high = distribution.goal_distance
     assert low <= task.goal_pose_W[0] <= high
     assert len(task.obstacles_W) == 2
