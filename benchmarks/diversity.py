@@ -15,14 +15,28 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
-import casadi as ca
 import typer
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.solving.record import circumstances, plain
+from benchmarks.solving.circumstances import (
+    Circumstances,
+    circumstances,
+    require_same,
+    sections,
+)
+from benchmarks.solving.ready import ready_expert
+from benchmarks.solving.record import plain
 from benchmarks.variety.picture import gallery, overview
-from benchmarks.variety.solves import TASK_SEED, Study, Walk, read, solve_all, write
+from benchmarks.variety.solves import (
+    TASK_SEED,
+    Study,
+    Walk,
+    read,
+    solve_all,
+    strict,
+    write,
+)
 from benchmarks.variety.summary import TaskModes, summarise, task_modes
 from lmtr.errors import DataError, LmtrError
 from lmtr.figures.style import save
@@ -44,7 +58,9 @@ def main(
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Override a setting; may be repeated."),
     ] = None,
-    cache: Annotated[Path | None, typer.Option(help="Folder of compiled problems.")] = None,
+    cache: Annotated[
+        Path | None, typer.Option(help="Folder of compiled problems; else this machine's.")
+    ] = None,
     redraw: Annotated[bool, typer.Option("--redraw", help="Use the solves kept there.")] = False,
     record: Annotated[bool, typer.Option("--record", help="Keep for the docs.")] = False,
 ) -> None:
@@ -52,17 +68,31 @@ def main(
     try:
         out.mkdir(parents=True, exist_ok=True)
         config = load(settings, overrides or [])
+        file = out / "solves.json"
         if not redraw:
-            robot = config.dataset.robot
-            study = Study(robot, config.tasks, config.expert, config.quality, tasks, draws)
-            write(out / "solves.json", solve_all(study, cache))
-        report(read(out / "solves.json"), config, out, record)
+            solve(config, tasks, draws, cache, file)
+        made, walks = read(file)
+        if record:
+            now = circumstances(sections(config), TASK_SEED, made.tasks, compiled=made.compiled)
+            require_same(made, now, "diversity", "--record")
+        report(made, walks, out, record)
     except LmtrError as error:
         console.print(f"error: {error}", style="red", markup=False, soft_wrap=True)
         raise typer.Exit(1) from error
 
 
-def report(walks: Sequence[Walk], config: Configuration, out: Path, record: bool) -> None:
+def solve(config: Configuration, tasks: int, draws: int, cache: Path | None, file: Path) -> None:
+    """Solve, and keep the solves with what made them."""
+    robot, settings = config.dataset.robot, config.expert
+    study = Study(robot, config.tasks, settings, config.quality, tasks, draws)
+    usual = ready_expert(robot, settings, cache, console)
+    exact = ready_expert(robot, strict(settings), cache, console)
+    compiled = usual.compiled and exact.compiled
+    made = circumstances(sections(config), TASK_SEED, tasks, compiled=compiled)
+    write(file, made, solve_all(study, usual, exact))
+
+
+def report(made: Circumstances, walks: Sequence[Walk], out: Path, record: bool) -> None:
     """Print, draw and write what the walks say.
 
     Raises:
@@ -74,8 +104,7 @@ def report(walks: Sequence[Walk], config: Configuration, out: Path, record: bool
     summary = summarise(walks, found)
     console.print(tasks_table(found))
     console.print_json(json.dumps(plain({k: v for k, v in summary.items() if k != "tasks"})))
-    made_by = asdict(circumstances(config, TASK_SEED, len(found), ca.CasadiMeta.version()))
-    text = as_json({"circumstances": made_by, **rounded(summary)})
+    text = as_json({"circumstances": asdict(made), **rounded(summary)})
     targets = [(out, out / "diversity.json"), *([(IMAGES, RECORD)] if record else [])]
     for images, numbers in targets:
         numbers.parent.mkdir(parents=True, exist_ok=True)

@@ -23,17 +23,11 @@ import numpy as np
 import typer
 from rich.console import Console
 
+from benchmarks.solving.circumstances import circumstances, differences, sections
 from benchmarks.solving.figures import PEER, Summary, summarise
 from benchmarks.solving.lanes import HERE, Contender, open_lanes, solve_all
 from benchmarks.solving.pairs import PairedRatio, compare
-from benchmarks.solving.record import (
-    Result,
-    circumstances,
-    differences,
-    plain,
-    read_record,
-    write_record,
-)
+from benchmarks.solving.record import Result, plain, read_record, write_record
 from benchmarks.solving.rows import Row, count_reasons, draw_tasks, solve_row
 from benchmarks.solving.tables import figures_table, outcomes, pairs_table, reasons_table
 from benchmarks.solving.worker import Reply, configuration
@@ -135,8 +129,9 @@ def measure_experts(
 def report(experts: Sequence[Measured], seed: int, recorded: Result | None) -> Result:
     """Print the tables; returns this expert's result."""
     ours, *others = experts
-    count, casadi = len(ours.rows), ours.setup["casadi"]
-    now = Result(circumstances(ours.config, seed, count, casadi), ours.summary)
+    count, compiled = len(ours.rows), ours.setup["compiled"]
+    made = circumstances(sections(ours.config), seed, count, compiled=compiled)
+    now = Result(made, ours.summary)
     title = f"{ours.config.dataset.robot.name}, {count} tasks of seed {seed}"
     beside = others[0].summary if others else None
     console.print(figures_table(f"{title}, {now.circumstances.code}", now, beside, recorded))

@@ -11,11 +11,10 @@ docs. One process; solves are kept group by group, and ``--resume`` goes on with
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated
 
-import casadi as ca
 import typer
 from rich.console import Console
 
@@ -24,7 +23,14 @@ from benchmarks.footholds.picture import box_picture, foothold_picture
 from benchmarks.footholds.solves import SEED, Walk, read, solve_groups, write
 from benchmarks.footholds.summary import summarise
 from benchmarks.footholds.tables import tables
-from benchmarks.solving.record import circumstances, plain
+from benchmarks.solving.circumstances import (
+    Circumstances,
+    circumstances,
+    require_same,
+    sections,
+)
+from benchmarks.solving.ready import ready_expert
+from benchmarks.solving.record import plain
 from lmtr.errors import DataError, LmtrError
 from lmtr.figures.style import save
 from pipelines.config import load
@@ -39,7 +45,9 @@ console = Console()
 def main(
     out: Annotated[Path, typer.Option(help="Folder for solves, pictures and summary.")],
     tasks: Annotated[int, typer.Option(min=10, help="Tasks of each group.")] = 60,
-    cache: Annotated[Path | None, typer.Option(help="Folder of compiled problems.")] = None,
+    cache: Annotated[
+        Path | None, typer.Option(help="Folder of compiled problems; else this machine's.")
+    ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Solve what is missing.")] = False,
     redraw: Annotated[bool, typer.Option("--redraw", help="Solve nothing.")] = False,
     record: Annotated[bool, typer.Option("--record", help="Keep for the docs.")] = False,
@@ -47,20 +55,43 @@ def main(
     """Solve, or read solves; print tables; draw."""
     try:
         out.mkdir(parents=True, exist_ok=True)
-        report(walks_of(out / "solves.json", tasks, cache, resume, redraw), out, record)
+        file, now = out / "solves.json", present(tasks)
+        if not redraw:
+            solve(file, now, cache, resume)
+        made, walks = read(file, list(groups()))
+        require_all(walks, list(groups()))
+        if record:
+            require_same(made, now, "obstacles", "--record")
+        report(made, walks, out, record)
     except LmtrError as error:
         console.print(f"error: {error}", style="red", markup=False, soft_wrap=True)
         raise typer.Exit(1) from error
 
 
-def walks_of(path: Path, tasks: int, cache: Path | None, resume: bool, redraw: bool) -> list[Walk]:
-    """The walks in a file, and those that are still to be solved."""
+def present(tasks: int) -> Circumstances:
+    """The present code and settings."""
+    return circumstances(sections(load(None, [])), SEED, tasks, compiled=True)
+
+
+def solve(file: Path, now: Circumstances, cache: Path | None, resume: bool) -> None:
+    """Solve all groups, or those that the file lacks, and keep the walks in it."""
     compared = list(groups())
-    kept = read(path, compared) if redraw or (resume and path.is_file()) else []
-    if redraw:
-        require_all(kept, compared)
-        return kept
-    return solve_groups(compared, tasks, cache, kept, lambda walks: write(path, compared, walks))
+    kept: list[Walk] = []
+    if resume and file.is_file():
+        made, kept = read(file, compared)
+        require_same(made, now, "obstacles", "--resume")
+
+    def save(walks: Sequence[Walk]) -> None:
+        compiled = all(walk.compiled for walk in walks)
+        write(file, replace(now, compiled=compiled), compared, walks)
+
+    solve_groups(
+        compared,
+        now.tasks,
+        lambda robot, settings: ready_expert(robot, settings, cache, console),
+        kept,
+        save,
+    )
 
 
 def require_all(walks: Sequence[Walk], compared: Sequence[Group]) -> None:
@@ -78,7 +109,7 @@ def require_all(walks: Sequence[Walk], compared: Sequence[Group]) -> None:
         )
 
 
-def report(walks: Sequence[Walk], out: Path, record: bool) -> None:
+def report(made: Circumstances, walks: Sequence[Walk], out: Path, record: bool) -> None:
     """Print, draw and write what the walks say."""
     summary = summarise(walks)
     for table in tables(summary):
@@ -87,8 +118,6 @@ def report(walks: Sequence[Walk], out: Path, record: bool) -> None:
         "footholds": foothold_picture(walks, summary),
         "range_of_motion": box_picture(summary),
     }
-    tasks = 1 + max(walk.index for walk in walks)
-    made = circumstances(load(None, []), SEED, tasks, ca.CasadiMeta.version())
     text = json.dumps(plain({"circumstances": asdict(made)} | summary), indent=1)
     for images, file in [(out, out / "obstacles.json"), *([(IMAGES, RECORD)] if record else [])]:
         file.write_text(text + "\n", encoding="utf-8")

@@ -9,7 +9,7 @@ quantiles, and fits the expected cost anew; ``--record`` keeps picture and summa
 """
 
 import json
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -29,6 +29,8 @@ from benchmarks.filtering.removal import (
     verdicts,
 )
 from benchmarks.filtering.solves import (
+    DISTRIBUTIONS,
+    SEEDS,
     Amount,
     Kind,
     Solve,
@@ -39,9 +41,15 @@ from benchmarks.filtering.solves import (
     solve_all,
     write,
 )
+from benchmarks.solving.circumstances import (
+    JUDGEMENT,
+    Circumstances,
+    circumstances,
+    require_same,
+)
+from benchmarks.solving.ready import ready_expert
 from lmtr.errors import DataError, LmtrError
 from lmtr.expert.settings import ExpertSettings
-from lmtr.expert.solve import Expert
 from lmtr.figures.style import RESOLUTION
 from lmtr.quality.cost_model import CostModel, fit_cost_model
 from lmtr.quality.filter import QualityThresholds
@@ -88,7 +96,9 @@ def main(
     draws: Annotated[int, typer.Option(min=2, help="Guesses of each of these.")] = 8,
     keep: Annotated[float, typer.Option(help="Share a suggested threshold keeps.")] = 0.985,
     keep_cost: Annotated[float, typer.Option(help="Share the suggested cost keeps.")] = 0.9,
-    cache: Annotated[Path | None, typer.Option(help="Folder of compiled problems.")] = None,
+    cache: Annotated[
+        Path | None, typer.Option(help="Folder of compiled problems; else this machine's.")
+    ] = None,
     redraw: Annotated[bool, typer.Option("--redraw", help="Use the solves kept there.")] = False,
     record: Annotated[bool, typer.Option("--record", help="Keep for the docs.")] = False,
 ) -> None:
@@ -97,18 +107,37 @@ def main(
         out.mkdir(parents=True, exist_ok=True)
         kept = out / "solves.json"
         if not redraw:
-            expert = Expert(ANYMAL, ExpertSettings(), cache)
+            expert = ready_expert(ANYMAL, ExpertSettings(), cache, console)
+            made = present(tasks, expert.compiled)
             solves = solve_all(expert, Amount(tasks, tasks, repeated, draws))
-            write(kept, expert.settings.cost_key(ANYMAL), solves)
-        cost_key, solves = read(kept)
-        report(cost_key, solves, (keep_cost, keep), out, record)
+            write(kept, made, expert.settings.cost_key(ANYMAL), solves)
+        made, cost_key, solves = read(kept)
+        if record:
+            require_same(made, present(made.tasks, made.compiled), "thresholds", "--record")
+        report(made, cost_key, solves, (keep_cost, keep), out, record)
     except LmtrError as error:
         console.print(f"error: {error}", style="red", markup=False, soft_wrap=True)
         raise typer.Exit(1) from error
 
 
+def present(tasks: int, compiled: bool) -> Circumstances:
+    """The present code and settings but for thresholds, which are drawn over kept solves."""
+    settings = {
+        "robot": ANYMAL,
+        "tasks": [each.model_dump(mode="json") for each in DISTRIBUTIONS.values()],
+        "expert": ExpertSettings(),
+    }
+    seed = SEEDS[Kind.DEFAULT]
+    return circumstances(settings, seed, tasks, compiled=compiled, without=JUDGEMENT)
+
+
 def report(
-    cost_key: str, solves: list[Solve], quantiles: tuple[float, float], out: Path, record: bool
+    made: Circumstances,
+    cost_key: str,
+    solves: list[Solve],
+    quantiles: tuple[float, float],
+    out: Path,
+    record: bool,
 ) -> None:
     """Print, draw and write what the solves say."""
     study = study_of(cost_key, solves, quantiles)
@@ -122,7 +151,8 @@ def report(
         study.difficulty,
         thresholds.cost_excess,
     )
-    summary = json.dumps(summary_of(cost_key, solves, study, thresholds), indent=1)
+    found = summary_of(cost_key, solves, study, thresholds)
+    summary = json.dumps({"circumstances": asdict(made)} | found, indent=1)
     targets = [(out / "thresholds.png", out / "thresholds.json")]
     if record:
         targets.append((PICTURE, RECORD))

@@ -14,6 +14,7 @@ import numpy as np
 from rich.progress import track
 
 from benchmarks.kept import read_rows, write_rows
+from benchmarks.solving.circumstances import Circumstances, made_by
 from lmtr.arrays import Array
 from lmtr.expert.solve import Expert
 from lmtr.quality.cost_model import task_features
@@ -145,13 +146,14 @@ def solve(expert: Expert, kind: Kind, index: int, draw: int) -> Solve:
     )
 
 
-def write(path: Path, cost_key: str, solves: Sequence[Solve]) -> None:
-    """Keep solves in a file, with the digest of what their costs depend on."""
-    write_rows(path, {"cost_key": cost_key}, [asdict(s) for s in solves])
+def write(path: Path, made: Circumstances, cost_key: str, solves: Sequence[Solve]) -> None:
+    """Keep solves in a file, under what made them and the digest of what costs depend on."""
+    head = {"circumstances": asdict(made), "cost_key": cost_key}
+    write_rows(path, head, [asdict(s) for s in solves])
 
 
-def read(path: Path) -> tuple[str, list[Solve]]:
-    """Solves that :func:`write` kept, and their digest.
+def read(path: Path) -> tuple[Circumstances, str, list[Solve]]:
+    """What made the solves that :func:`write` kept, the digest of costs, and the solves.
 
     Raises:
         DataError: There are none.
@@ -161,4 +163,4 @@ def read(path: Path) -> tuple[str, list[Solve]]:
         Solve(**row | {name: tuple(row[name]) for name in ("features", "saturated")})
         for row in rows
     ]
-    return head["cost_key"], solves
+    return made_by(head, "thresholds"), head["cost_key"], solves

@@ -9,12 +9,15 @@ from rich.progress import track
 
 from benchmarks.footholds.families import Group
 from benchmarks.kept import read_rows, write_rows
+from benchmarks.solving.circumstances import Circumstances, made_by
 from lmtr.arrays import Array
+from lmtr.expert.settings import ExpertSettings
 from lmtr.expert.solve import Expert
 from lmtr.geometry.line import signed_distance
 from lmtr.quality.filter import QualityThresholds, expected_cost, judge
 from lmtr.quality.measure import measure
 from lmtr.quality.status import Status
+from lmtr.robot.model import RobotModel
 from lmtr.rollout.metrics import forward_offset, forward_violation
 from lmtr.streams import Purpose, stream
 from lmtr.task.sampling import sample_noise, sample_task
@@ -48,6 +51,7 @@ class Walk:
         reach: Furthest that a standing foot is ahead of neutral or behind it (m).
         violation: Mean over standing feet and samples of what of this exceeds ``LIMIT`` (m).
         overshoot: Furthest that a standing foot leaves its own range of motion (m).
+        compiled: Whether the expert ran as machine code.
     """
 
     group: str
@@ -62,6 +66,7 @@ class Walk:
     reach: float
     violation: float
     overshoot: float
+    compiled: bool
 
     @property
     def converged(self) -> bool:
@@ -105,13 +110,14 @@ def solve(expert: Expert, group: Group, index: int) -> Walk:
         reach=float(np.nanmax(np.abs(forward_offset(motion, group.robot)))),
         violation=float(np.nanmean(forward_violation(motion, group.robot, LIMIT))),
         overshoot=found.stance_overshoot,
+        compiled=expert.compiled,
     )
 
 
 def solve_groups(
     groups: Iterable[Group],
     count: int,
-    cache: Path | None,
+    build: Callable[[RobotModel, ExpertSettings], Expert],
     kept: Sequence[Walk],
     save: Callable[[Sequence[Walk]], None],
 ) -> list[Walk]:
@@ -120,7 +126,7 @@ def solve_groups(
     Args:
         groups: The groups.
         count: Tasks of each.
-        cache: Folder of compiled problems.
+        build: Makes an expert.
         kept: Walks that need not be solved again.
         save: Called with all walks so far.
     """
@@ -132,30 +138,32 @@ def solve_groups(
         if not missing:
             continue
         if expert is None or (expert.robot, expert.settings) != (group.robot, group.settings):
-            expert = Expert(group.robot, group.settings, cache)
+            expert = build(group.robot, group.settings)
         walks += [solve(expert, group, index) for index in track(missing, group.name)]
         save(walks)
     return walks
 
 
-def write(path: Path, groups: Iterable[Group], walks: Sequence[Walk]) -> None:
-    """Keep walks in a file, lengths to a tenth of a millimetre."""
+def write(path: Path, made: Circumstances, groups: Iterable[Group], walks: Sequence[Walk]) -> None:
+    """Keep walks in a file, under what made them; lengths to a tenth of a millimetre."""
     rows = [
         asdict(replace(walk, apart=np.round(walk.apart, 4).tolist()))  # JSON knows no arrays
         for walk in walks
     ]
-    write_rows(path, {"groups": {group.name: group.key for group in groups}}, rows)
+    keys = {group.name: group.key for group in groups}
+    write_rows(path, {"circumstances": asdict(made), "groups": keys}, rows)
 
 
-def read(path: Path, groups: Iterable[Group]) -> list[Walk]:
-    """Walks that :func:`write` kept, of groups that are still the same.
+def read(path: Path, groups: Iterable[Group]) -> tuple[Circumstances, list[Walk]]:
+    """What made the walks that :func:`write` kept, and those of groups that are still the same.
 
     Raises:
-        DataError: There is no such file.
+        DataError: There is no such file, or it does not tell.
     """
     head, rows = read_rows(path, "obstacles")
     same = {group.name for group in groups if head.get("groups", {}).get(group.name) == group.key}
-    return [
+    made = made_by(head, "obstacles")
+    return made, [
         Walk(**row | {"reasons": tuple(row["reasons"]), "apart": np.array(row["apart"])})
         for row in rows
         if row["group"] in same

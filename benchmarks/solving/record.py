@@ -2,19 +2,16 @@
 
 import json
 import math
-import platform
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from datetime import date
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks.solving.circumstances import Circumstances
 from benchmarks.solving.figures import Better, Figure, Summary
 from lmtr.errors import DataError
-from pipelines.config import Configuration, fingerprint
-from pipelines.provenance import code_version
 
 RESULTS = Path(__file__).resolve().parent.parent / "results" / "expert.json"
 
@@ -23,61 +20,11 @@ NOTEWORTHY = 0.05
 
 
 @dataclass(frozen=True)
-class Circumstances:
-    """What a result depends on.
-
-    Attributes:
-        code: Version and commit.
-        day: Date of the run.
-        processor: Model of the processor.
-        casadi: Version of CasADi.
-        tasks: Number of tasks.
-        seed: Their seed.
-        settings: Digests of the sections that decide it.
-    """
-
-    code: str
-    day: str
-    processor: str
-    casadi: str
-    tasks: int
-    seed: int
-    settings: dict[str, str]
-
-
-@dataclass(frozen=True)
 class Result:
     """A summary and how it came about."""
 
     circumstances: Circumstances
     summary: Summary
-
-
-def circumstances(config: Configuration, seed: int, tasks: int, casadi: str) -> Circumstances:
-    """Those of a run here and now."""
-    sections = {
-        "robot": config.dataset.robot,
-        "tasks": config.tasks,
-        "expert": config.expert,
-        "quality": config.quality,
-    }
-    return Circumstances(
-        code=code_version(),
-        day=date.today().isoformat(),
-        processor=processor(),
-        casadi=casadi,
-        tasks=tasks,
-        seed=seed,
-        settings={name: fingerprint(section) for name, section in sections.items()},
-    )
-
-
-def processor() -> str:
-    """The processor's model, as the system tells it."""
-    info = Path("/proc/cpuinfo")
-    lines = info.read_text().splitlines() if info.exists() else []
-    models = (line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
-    return next(models, f"{platform.machine()} {platform.processor()}".strip())
 
 
 def read_record(robot: str, path: Path = RESULTS) -> Result | None:
@@ -129,24 +76,6 @@ def has_worsened(figure: Figure, quotient: float) -> bool | None:
     if small or figure.better == Better.NEITHER:
         return None
     return (quotient > 1.0) == (figure.better == Better.LOWER)
-
-
-def differences(now: Circumstances, before: Circumstances) -> list[str]:
-    """What else than the code has changed since the record, in words."""
-    notes = []
-    if now.processor != before.processor:
-        notes.append(
-            f"it was recorded on another machine ({before.processor}; here {now.processor}), so "
-            "the ratios marked ≠ compare machines"
-        )
-    if now.casadi != before.casadi:
-        notes.append(f"it was recorded with CasADi {before.casadi}, here {now.casadi}")
-    if (now.tasks, now.seed) != (before.tasks, before.seed):
-        notes.append(f"it was recorded on {before.tasks} tasks of seed {before.seed}")
-    changed = [name for name, key in now.settings.items() if before.settings.get(name) != key]
-    if changed:
-        notes.append(f"settings differ: {', '.join(changed)}")
-    return notes
 
 
 def _read(path: Path) -> dict[str, Any]:

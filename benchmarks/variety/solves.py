@@ -14,6 +14,7 @@ import numpy as np
 from rich.progress import track
 
 from benchmarks.kept import Row, read_rows, write_rows
+from benchmarks.solving.circumstances import Circumstances, made_by
 from lmtr.arrays import Array
 from lmtr.errors import ConfigurationError, DataError
 from lmtr.expert.settings import ExpertSettings
@@ -145,10 +146,14 @@ def strict(settings: ExpertSettings) -> ExpertSettings:
     return settings.model_copy(update={"solver": solver})
 
 
-def solve_all(study: Study, cache: Path | None) -> list[Walk]:
-    """Solve everything, one after the other."""
-    usual = Expert(study.robot, study.settings, cache)
-    exact = Expert(study.robot, strict(study.settings), cache)
+def solve_all(study: Study, usual: Expert, exact: Expert) -> list[Walk]:
+    """Solve everything, one after the other.
+
+    Args:
+        study: Which solves there are.
+        usual: Expert of its settings.
+        exact: That of the strict ones.
+    """
     jobs: list[tuple[Kind, int, int]] = [
         (Kind.DRAW, index, draw) for index in range(study.tasks) for draw in range(study.draws)
     ]
@@ -195,8 +200,8 @@ def solve(study: Study, expert: Expert, kind: Kind, index: int, draw: int) -> Wa
     )
 
 
-def write(path: Path, walks: Sequence[Walk]) -> None:
-    """Keep walks in a file."""
+def write(path: Path, made: Circumstances, walks: Sequence[Walk]) -> None:
+    """Keep walks in a file, under what made them."""
     rows = []
     for walk in walks:
         row = {f.name: getattr(walk, f.name) for f in fields(walk)}
@@ -205,18 +210,19 @@ def write(path: Path, walks: Sequence[Walk]) -> None:
             for name, array in asdict(walk.trajectory).items()
         }
         rows.append(row | {name: row[name].tolist() for name in ("obstacles_W", "goal_pose_W")})
-    write_rows(path, {}, rows)
+    write_rows(path, {"circumstances": asdict(made)}, rows)
 
 
-def read(path: Path) -> list[Walk]:
-    """Walks that :func:`write` kept.
+def read(path: Path) -> tuple[Circumstances, list[Walk]]:
+    """What made the walks that :func:`write` kept, and these.
 
     Raises:
         DataError: There are none, or of another form.
     """
-    _, rows = read_rows(path, "diversity")
+    head, rows = read_rows(path, "diversity")
+    made = made_by(head, "diversity")
     try:
-        return [_walk(row) for row in rows]
+        return made, [_walk(row) for row in rows]
     except (KeyError, TypeError) as error:
         raise DataError(
             f"diversity: the solves in {path} are of another form ({error}); solve once more"

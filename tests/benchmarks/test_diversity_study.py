@@ -1,12 +1,13 @@
 """The study of diversity: what counts as one mode, and what is said of how modes differ."""
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 
 from benchmarks.diversity import as_json
+from benchmarks.solving.circumstances import circumstances
 from benchmarks.variety.character import character, differing
 from benchmarks.variety.clusters import FOOTHOLD, TIMING, distances, modes
 from benchmarks.variety.picture import contrasting, gallery, near_best, overview
@@ -23,6 +24,7 @@ from lmtr.task.task import Task
 SCOPE = Scope()
 LINES = np.array([[0.8, 0.0, np.pi / 2.0], [1.9, 0.0, np.pi / 2.0]])
 TASK = Task(np.zeros(3), ANYMAL.nominal_feet_B[:, :2], np.array([2.7, 0.0, 0.0]), LINES)
+MADE = circumstances({}, 0, 2, compiled=True)
 STUDY = Study(ANYMAL, TaskDistribution(), ExpertSettings(), QualityThresholds(), 2, 3)
 
 
@@ -150,15 +152,18 @@ def test_pictures_show_the_modes(walks):
 
 
 def test_walks_are_kept_as_they_were(walks, tmp_path):
-    write(tmp_path / "solves.json", walks)
-    again = read(tmp_path / "solves.json")
+    write(tmp_path / "solves.json", MADE, walks)
+    made, again = read(tmp_path / "solves.json")
+    assert made == MADE
     assert [(w.kind, w.cost, w.reasons, w.first) for w in again] == [
         (w.kind, w.cost, w.reasons, w.first) for w in walks
     ]
     np.testing.assert_allclose(
         again[3].trajectory.footholds, walks[3].trajectory.footholds, atol=1e-6
     )
-    (tmp_path / "other.json").write_text('{"solves": [{"kind": "draw"}]}')
+    (tmp_path / "other.json").write_text(
+        json.dumps({"circumstances": asdict(MADE), "solves": [{"kind": "draw"}]})
+    )
     with pytest.raises(DataError, match="of another form"):
         read(tmp_path / "other.json")
 

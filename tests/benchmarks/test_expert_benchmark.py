@@ -10,13 +10,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmarks.solving.circumstances import (
+    Circumstances,
+    differences,
+)
 from benchmarks.solving.figures import FIGURES, GOALS, Figure, summarise
 from benchmarks.solving.lanes import HERE, BenchmarkError, Contender, Worker
 from benchmarks.solving.pairs import compare, paired_ratio
 from benchmarks.solving.record import (
-    Circumstances,
     Result,
-    differences,
     has_worsened,
     ratio,
     read_record,
@@ -27,7 +29,17 @@ from benchmarks.solving.worker import configuration
 from lmtr.errors import ConfigurationError, DataError
 from lmtr.robot.model import ANYMAL
 
-CIRCUMSTANCES = Circumstances("1+abc", "2026-11-01", "a processor", "3.8", 2, 0, {"robot": "r"})
+CIRCUMSTANCES = Circumstances(
+    code="1+abc",
+    sources="0123abcd",
+    day="2026-11-01",
+    processor="a processor",
+    casadi="3.8",
+    compiled=True,
+    tasks=2,
+    seed=0,
+    settings={"robot": "r"},
+)
 
 
 def figure(key: str) -> Figure:

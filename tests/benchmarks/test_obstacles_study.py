@@ -23,17 +23,19 @@ from benchmarks.footholds.summary import goal_stance_apart, paired_cost, summari
 from benchmarks.footholds.tables import tables
 from benchmarks.kept import read_rows, write_rows
 from benchmarks.obstacles import require_all
+from benchmarks.solving.circumstances import circumstances
 from lmtr.errors import DataError
 from lmtr.robot.model import ANYMAL
 from lmtr.task.sampling import TaskDistribution
 from lmtr.task.task import Task
 
 N_SWINGS = 3
+MADE = circumstances({}, 0, 10, compiled=True)
 
 
 def walk(group, index=0, apart=None, **changes):
     apart = np.full((2, 4, N_SWINGS), 0.3) if apart is None else apart
-    sound = Walk(group, index, "converged", 40, 0.4, 3.0, 2.5, (), apart, 0.15, 0.0, 0.002)
+    sound = Walk(group, index, "converged", 40, 0.4, 3.0, 2.5, (), apart, 0.15, 0.0, 0.002, True)
     return replace(sound, **changes)
 
 
@@ -94,13 +96,14 @@ def test_walks_come_back_unless_their_group_has_changed(tmp_path):
     first, second, *_ = groups()
     apart = np.linspace(-1.0, 1.0, 2 * 4 * N_SWINGS).reshape(2, 4, N_SWINGS)
     kept = [walk(first.name, apart=apart, reasons=("obstacle",)), walk(second.name)]
-    write(path, [first, second], kept)
-    back = read(path, [first, second])
+    write(path, MADE, [first, second], kept)
+    made, back = read(path, [first, second])
+    assert made == MADE
     assert [w.group for w in back] == [first.name, second.name]
     assert back[0].reasons == ("obstacle",)
     np.testing.assert_allclose(back[0].apart, apart, atol=5e-5)
     other = replace(second, tasks=TaskDistribution(goal_lateral=0.1))
-    assert [w.group for w in read(path, [first, other])] == [first.name]
+    assert [w.group for w in read(path, [first, other])[1]] == [first.name]
 
 
 def test_drawing_asks_for_groups_that_are_missing():

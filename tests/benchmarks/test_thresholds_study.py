@@ -8,6 +8,7 @@ import pytest
 from benchmarks.filtering.costs import by_difficulty, compare_draws
 from benchmarks.filtering.removal import removals, saturation, suggestions, two_digits
 from benchmarks.filtering.solves import Amount, Kind, Solve, costs, of_kind, read, write
+from benchmarks.solving.circumstances import circumstances
 from lmtr.errors import DataError
 from lmtr.quality.cost_model import CostModel
 from lmtr.quality.filter import QualityThresholds
@@ -108,8 +109,9 @@ def test_draws_are_compared_with_the_best_of_their_own_task():
 
 def test_solves_are_kept_as_they_were(tmp_path):
     solves = [solve(saturated=("window",), closest_foothold_1=0.2), solve(Kind.VARIED, 1)]
-    write(tmp_path / "solves.json", "key", solves)
-    assert read(tmp_path / "solves.json") == ("key", solves)
+    made = circumstances({}, 0, 2, compiled=True)
+    write(tmp_path / "solves.json", made, "key", solves)
+    assert read(tmp_path / "solves.json") == (made, "key", solves)
     with pytest.raises(DataError, match="does not exist"):
         read(tmp_path / "none.json")
 
