@@ -30,8 +30,8 @@ Potential = tuple[float, float]
 USED: Potential = (ExpertSettings().obstacle_weight, ExpertSettings().obstacle_sigma)
 NONE: Potential = (0.0, USED[1])
 
-TRIED: tuple[Potential, ...] = ((0.5, 0.1), (1.0, 0.1), (1.0, 0.08))
-"""Potentials that are compared on some families."""
+TRIED: tuple[Potential, ...] = ((0.5, 0.1), (1.0, 0.1))
+"""Wider potentials that are compared with it on some families."""
 
 COMPARED = ("two lines", "four lines")
 """Those families."""

@@ -1,10 +1,13 @@
 """Two pictures: footholds beside lines, and what the forward range of motion costs."""
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from benchmarks.footholds.families import (
     DISTANCES,
@@ -16,7 +19,7 @@ from benchmarks.footholds.families import (
 )
 from benchmarks.footholds.solves import Walk
 from benchmarks.footholds.summary import CLOSE, Summary, closest, of_group
-from lmtr.figures.distributions import draw_distances
+from lmtr.figures.distributions import CLOSE_BAND, draw_distances
 from lmtr.figures.style import (
     ACCEPTED,
     FOOT_COLOURS,
@@ -33,6 +36,9 @@ _SHOWN = ("two lines", "four lines", "four, one at the start")
 _FURTHEST = 50.0
 """Right end of the axes of distances (cm)."""
 
+_FILTER_LINE: dict[str, Any] = {"color": INK, "linestyle": ":", "linewidth": 1.0}
+"""Look of the filter's limit."""
+
 
 @styled
 def foothold_picture(walks: Sequence[Walk], summary: Summary) -> Figure:
@@ -46,14 +52,23 @@ def foothold_picture(walks: Sequence[Walk], summary: Summary) -> Figure:
             for name, potential in zip(styles, (USED, NONE), strict=True)
         }
         draw_distances(axes, distances, CLOSE[0], styles)
-        axes.axvline(100.0 * CLOSE[1], color=INK, linestyle=":", linewidth=1.0)
+        axes.axvline(100.0 * CLOSE[1], **_FILTER_LINE)
         axes.set_xlim(0.0, _FURTHEST)
         axes.set_xlabel("closest foothold of a foot to a line (cm)")
         axes.set_title(family.capitalize())
     _draw_by_foot(panels[1, 0], summary)
     _draw_by_line(panels[1, 1], summary)
     _draw_outcome(panels[1, 2], summary)
+    figure.legend(handles=_limits_key(), loc="outside upper center", ncols=2)
     return figure
+
+
+def _limits_key() -> list[Patch | Line2D]:
+    close, filtered = (f"{100.0 * limit:g} cm" for limit in CLOSE)
+    return [
+        Patch(color=CLOSE_BAND, label=f"up to {close}: a close step of a replanner"),
+        Line2D([], [], label=f"{filtered}: the filter refuses what is nearer", **_FILTER_LINE),
+    ]
 
 
 def _of_used(summary: Summary) -> Summary:

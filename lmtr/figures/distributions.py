@@ -17,6 +17,9 @@ DISTANCE_BIN = 2.0
 VIOLATION_BIN = 0.5
 """Width of a bin of range-of-motion violations (cm)."""
 
+CLOSE_BAND = "#F1DDE0"
+"""Colour behind distances that count as close, and violations that count as severe."""
+
 
 @styled
 def distribution_figure(
@@ -60,7 +63,7 @@ def draw_distances(
     samples = {name: 100.0 * _finite(name, values) for name, values in distances.items()}
     top = max(float(values.max()) for values in samples.values())
     edges = _edges(DISTANCE_BIN, top)
-    axes.axvspan(0.0, 100.0 * close, color="#F1DDE0", lw=0, zorder=0.2)
+    axes.axvspan(0.0, 100.0 * close, color=CLOSE_BAND, lw=0, zorder=0.2)
     for name, values in samples.items():
         density, _ = np.histogram(values, edges, density=True)
         share = 100.0 * float(np.mean(values < 100.0 * close))
