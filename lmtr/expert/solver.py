@@ -167,8 +167,8 @@ def _ipopt_options(settings: SolverSettings) -> dict[str, float | int | str]:
         "max_cpu_time": settings.time_limit,
         "tol": settings.tolerance,
         "constr_viol_tol": settings.constraint_tolerance,
-        # The barrier follows the progress, by a rule that costs no solves of its own and that found
-        # all of 200 tasks feasible; IPOPT's default, the quality function, lost two in a hundred.
+        # The barrier follows the progress, by a rule that costs no solves of its own; IPOPT's
+        # default, the quality function, ends at the limit of iterations now and then.
         "mu_strategy": "adaptive",
         "mu_oracle": "loqo",
         "mu_init": 1e-2,
@@ -190,12 +190,14 @@ def _ipopt_options(settings: SolverSettings) -> dict[str, float | int | str]:
 
 def _linear_options(linear_solver: Path | None) -> dict[str, float | int | str]:
     if linear_solver is None:
-        # Half of MUMPS's time: no scaling permutation, and a quasi-dense minimum degree ordering.
+        # No scaling permutation, and a minimum degree ordering for nearly dense rows.
         return {"mumps_permuting_scaling": 0, "mumps_pivot_order": 6}
     return {
         "linear_solver": "ma27",
         "hsllib": str(linear_solver),
-        # It says exactly how much memory it needs.
+        # It says exactly how much memory it needs, and has no other pivots to try.
         "ma27_la_init_factor": 1.0,
         "ma27_liw_init_factor": 1.0,
+        "ma27_pivtol": 0.5,
+        "ma27_pivtolmax": 0.5,
     }

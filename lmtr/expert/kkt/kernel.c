@@ -19,9 +19,15 @@ static const double REGULARIZATION = 1e-8;
 /* A pivot this small has no sign to trust: the matrix counts as singular. */
 static const double SMALLEST_PIVOT = 1e-14;
 
-/* Where each of IPOPT's triplets goes; it hands in the same ones for every system. */
-static int *triplet_place;
-static int n_triplets;
+/* Where the triplets of one structure go. IPOPT hands in the same ones for system after system, and
+ * begins anew with every solve, so each list of them is kept for good, and found again. */
+struct triplets {
+  struct triplets *next;
+  int count;
+  const int *rows, *columns;
+  int place[];
+};
+static struct triplets *known;
 
 static inline double magnitude(double value) { return value < 0.0 ? -value : value; }
 
@@ -239,6 +245,41 @@ static int place_of(int row, int col) {
   return low < N_ENTRIES && entry_key[low] == key ? entry_place[low] : -1;
 }
 
+static const struct triplets *find(const int *rows, const int *columns, int count) {
+  const size_t bytes = sizeof(int) * (size_t)count;
+  for (const struct triplets *t = __atomic_load_n(&known, __ATOMIC_ACQUIRE); t; t = t->next)
+    if (t->count == count && !memcmp(t->rows, rows, bytes) && !memcmp(t->columns, columns, bytes))
+      return t;
+  return NULL;
+}
+
+/* Fill in where triplets go. Returns the number of the first one that has no place, or 0. */
+static int place_all(struct triplets *t) {
+  for (int k = 0; k < t->count; ++k) {
+    t->place[k] = place_of(t->rows[k] - 1, t->columns[k] - 1);
+    if (t->place[k] < 0) return k + 1;
+  }
+  return 0;
+}
+
+/* A list of triplets with its places; none if there is no memory. */
+static struct triplets *triplets_of(const int *rows, const int *columns, int count) {
+  const size_t bytes = sizeof(int) * (size_t)count;
+  struct triplets *t = malloc(sizeof(*t) + 3 * bytes);
+  if (t == NULL) return NULL;
+  t->count = count, t->rows = t->place + count, t->columns = t->place + 2 * count;
+  memcpy(t->place + count, rows, bytes);
+  memcpy(t->place + 2 * count, columns, bytes);
+  return t;
+}
+
+/* Threads may do so at once; a list that two of them add is there twice, which harms nobody. */
+static void keep(struct triplets *t) {
+  t->next = __atomic_load_n(&known, __ATOMIC_ACQUIRE);
+  while (!__atomic_compare_exchange_n(&known, &t->next, t, 0, __ATOMIC_RELEASE, __ATOMIC_ACQUIRE))
+    ;
+}
+
 /* Defaults: nothing here has any. */
 void ma27id_(int *icntl, double *cntl) {
   memset(icntl, 0, 30 * sizeof(int));
@@ -248,46 +289,51 @@ void ma27id_(int *icntl, double *cntl) {
 enum { FLAG = 0, ERROR = 1, REALS_NEEDED = 4, INTEGERS_NEEDED = 5, NEGATIVE = 14, INFOS = 20 };
 enum { WRONG_SIZE = -1, SINGULAR = -5, WRONG_ENTRY = -6 };
 
-/* Analyse: says where the triplets go, and how much room the factor needs. */
+/* Analyse: finds where the triplets go, leaves word of it in ikeep, and says how much room the
+ * factor needs. */
 void ma27ad_(const int *n, const int *nz, const int *irn, const int *icn, int *iw, const int *liw,
              int *ikeep, int *iw1, int *nsteps, const int *iflag, const int *icntl,
              const double *cntl, int *info, double *ops) {
-  (void)iw, (void)liw, (void)ikeep, (void)iw1, (void)iflag, (void)icntl, (void)cntl;
+  (void)iw, (void)liw, (void)iw1, (void)iflag, (void)icntl, (void)cntl;
   memset(info, 0, INFOS * sizeof(int));
   *nsteps = 1, *ops = 0.0;
-  int *place = *n == N_KKT ? malloc(sizeof(int) * (size_t)*nz) : NULL;
-  if (place == NULL) {
+  const struct triplets *found = *n == N_KKT ? find(irn, icn, *nz) : NULL;
+  if (*n == N_KKT && found == NULL) {
+    struct triplets *made = triplets_of(irn, icn, *nz);
+    const int stranger = made ? place_all(made) : 0;
+    if (stranger) {
+      info[FLAG] = WRONG_ENTRY, info[ERROR] = stranger;
+      free(made);
+      return;
+    }
+    if (made) keep(made);
+    found = made;
+  }
+  if (found == NULL) {
     info[FLAG] = WRONG_SIZE;
     return;
   }
-  for (int t = 0; t < *nz; ++t) {
-    place[t] = place_of(irn[t] - 1, icn[t] - 1);
-    if (place[t] < 0) {
-      info[FLAG] = WRONG_ENTRY, info[ERROR] = t + 1;
-      free(place);
-      return;
-    }
-  }
-  free(triplet_place);
-  triplet_place = place, n_triplets = *nz;
+  memcpy(ikeep, &found, sizeof(found)); /* it has room for three integers per unknown */
   info[REALS_NEEDED] = *nz + N_VALUES, info[INTEGERS_NEEDED] = 1;
 }
 
-/* Factor: a holds the triplets' values, and the factor behind them. */
+/* Factor: a begins with the triplets' values, and ends with the factor. */
 void ma27bd_(const int *n, const int *nz, const int *irn, const int *icn, double *a, const int *la,
              int *iw, const int *liw, const int *ikeep, const int *nsteps, int *maxfrt, int *iw1,
              const int *icntl, const double *cntl, int *info) {
-  (void)n, (void)irn, (void)icn, (void)iw, (void)liw, (void)ikeep, (void)nsteps, (void)iw1;
+  (void)n, (void)irn, (void)icn, (void)iw, (void)liw, (void)nsteps, (void)iw1;
   (void)icntl, (void)cntl;
+  const struct triplets *t;
+  memcpy(&t, ikeep, sizeof(t));
   memset(info, 0, INFOS * sizeof(int));
   *maxfrt = 1;
-  if (*nz != n_triplets || *la < *nz + N_VALUES) {
+  if (*nz != t->count || *la < *nz + N_VALUES) {
     info[FLAG] = WRONG_SIZE;
     return;
   }
-  double *v = a + *nz;
+  double *v = a + (*la - N_VALUES);
   memset(v, 0, sizeof(double) * STACK);
-  for (int t = 0; t < *nz; ++t) v[triplet_place[t]] += a[t];
+  for (int k = 0; k < *nz; ++k) v[t->place[k]] += a[k];
   for (int r = 0; r < N_EQUALITIES; ++r) v[corner[r]] -= REGULARIZATION;
   const int negative = factorize(v);
   if (negative < 0)
@@ -300,9 +346,9 @@ void ma27bd_(const int *n, const int *nz, const int *irn, const int *icn, double
 void ma27cd_(const int *n, const double *a, const int *la, const int *iw, const int *liw, double *w,
              const int *maxfrt, double *rhs, int *iw1, const int *nsteps, const int *icntl,
              const double *cntl) {
-  (void)n, (void)la, (void)iw, (void)liw, (void)w, (void)maxfrt, (void)iw1, (void)nsteps;
+  (void)n, (void)iw, (void)liw, (void)w, (void)maxfrt, (void)iw1, (void)nsteps;
   (void)icntl, (void)cntl;
-  const double *v = a + n_triplets;
+  const double *v = a + (*la - N_VALUES);
   double x[N_CONDENSED];
   condense(v, rhs);
   for (int i = 0; i < N_CONDENSED; ++i) x[i] = rhs[order[i]];
