@@ -1,7 +1,8 @@
 """The one configuration of a run: a TOML file, checked whole before any work starts.
 
 A configuration names every setting of every stage; what a file leaves out takes the documented
-default. Settings classes live beside the code that consumes them.
+default. Settings classes live beside the code that consumes them, those of the stages themselves
+in :mod:`pipelines.sections`.
 """
 
 import difflib
@@ -12,172 +13,26 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import tomli_w
-from pydantic import (
-    BaseModel,
-    Field,
-    ValidationError,
-    ValidationInfo,
-    field_validator,
-    model_validator,
-)
+from pydantic import BaseModel, ValidationError, model_validator
 
 from lmtr import __version__
 from lmtr.errors import ConfigurationError
 from lmtr.expert.settings import ExpertSettings
-from lmtr.models.settings import ModelSettings, TrainingSettings
-from lmtr.policies.distance import TaskWeights
+from lmtr.expert.suitability import require_suitable
 from lmtr.quality.filter import QualityThresholds
-from lmtr.robot.model import ROBOTS, RobotModel
-from lmtr.rollout.settings import Criteria, RolloutSettings
 from lmtr.segmentation.segment import SegmentationSettings
-from lmtr.settings import Count, Seed, Settings
+from lmtr.settings import Settings
 from lmtr.task.sampling import TaskDistribution
-from lmtr.task.task import reach
-
-
-class DatasetSection(Settings):
-    """Which expert data set to make.
-
-    Attributes:
-        name: First part of the data set's id.
-        solutions: How many tasks to solve.
-        seed: Seed of all tasks and noise.
-        robot: Name of a built-in robot, or a table with a robot's figures.
-    """
-
-    name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_]*$", max_length=40)] = "default"
-    solutions: Count = 200
-    seed: Seed = 0
-    robot: RobotModel = ROBOTS["anymal"]
-
-    @field_validator("robot", mode="before")
-    @classmethod
-    def _named_robot(cls, robot: object) -> object:
-        if not isinstance(robot, str):
-            return robot
-        if robot not in ROBOTS:
-            raise ValueError(
-                f"no built-in robot is called {robot!r}; choose one of {', '.join(ROBOTS)} or "
-                "give a [dataset.robot] table"
-            )
-        return ROBOTS[robot]
-
-
-class TrainingSection(Settings):
-    """Which models to train.
-
-    Attributes:
-        latent: Latent dimensions n, one model each; 0 is the unimodal regressor.
-        seeds: Training seeds, one model each.
-        validation_share: Share of the solutions held out (never single segments).
-        mirror: Add the left-right mirror image of every training segment.
-        model: Architecture and loss shared by all; ``latent`` stands above.
-        optimizer: Optimisation shared by all; ``seeds`` stand above.
-    """
-
-    latent: Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)] = (
-        0,
-        3,
-        6,
-    )
-    seeds: Annotated[tuple[Seed, ...], Field(min_length=1)] = (0,)
-    validation_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.1
-    mirror: bool = True
-    model: ModelSettings = ModelSettings()
-    optimizer: TrainingSettings = TrainingSettings()
-
-    @field_validator("model", "optimizer", mode="before")
-    @classmethod
-    def _said_once(cls, value: object, info: ValidationInfo) -> object:
-        own, above = {"model": ("latent", "latent"), "optimizer": ("seed", "seeds")}[
-            info.field_name or ""
-        ]
-        if isinstance(value, Mapping) and own in value:
-            raise ValueError(
-                f"{own!r} is not set here, got {value[own]!r}; give training.{above} as a list"
-            )
-        return value
-
-    @field_validator("latent", "seeds")
-    @classmethod
-    def _none_twice(cls, values: tuple[int, ...], info: ValidationInfo) -> tuple[int, ...]:
-        if len(set(values)) < len(values):
-            raise ValueError(
-                f"{info.field_name} must name each value once, got {list(values)}; drop repetitions"
-            )
-        return values
-
-    @model_validator(mode="after")
-    def _every_model_is_possible(self) -> "TrainingSection":
-        for latent in self.latent:
-            try:
-                self._model_of(latent)
-            except ValidationError as error:
-                raise ValueError(error.errors()[0]["msg"].removeprefix("Value error, ")) from error
-        return self
-
-    def plans(self) -> list[tuple[ModelSettings, TrainingSettings]]:
-        """Settings of each model: every latent dimension with every seed."""
-        return [
-            (self._model_of(latent), self.optimizer.model_copy(update={"seed": seed}))
-            for latent in self.latent
-            for seed in self.seeds
-        ]
-
-    def _model_of(self, latent: int) -> ModelSettings:
-        return ModelSettings.model_validate({**self.model.model_dump(), "latent": latent})
-
-
-class EvaluationSection(Settings):
-    """How replanners are compared.
-
-    Attributes:
-        rollouts: Rollouts per replanner, one obstacle course each, the same for all.
-        seed: Seed of the courses and starts.
-        with_library: Whether the trajectory library is evaluated too.
-        weights: Distance weights w of the nearest-neighbour look-ups, one evaluation each.
-        rollout: The testbed.
-        criteria: What counts as a close step and as a violated range of motion.
-    """
-
-    rollouts: Count = 100
-    seed: Seed = 0
-    with_library: bool = True
-    weights: Annotated[tuple[TaskWeights, ...], Field(min_length=1)] = (TaskWeights(),)
-    rollout: RolloutSettings = RolloutSettings()
-    criteria: Criteria = Criteria()
-
-
-class ClusterSection(Settings):
-    """Where the work runs.
-
-    Attributes:
-        address: Address of a running Ray cluster; none starts one on this machine.
-        workers: Worker processes; none means one per core.
-        commit_rows: Solutions that are committed to the lake together.
-        commit_seconds: Solutions are committed at least this often (s).
-        cache: Absolute folder of compiled experts on every host, writable by its user alone; none
-            takes ``LMTR_CACHE`` or the user's own folder of caches.
-    """
-
-    address: str | None = None
-    workers: Annotated[int, Field(ge=0)] | None = None
-    commit_rows: Count = 25
-    commit_seconds: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] = 20.0
-    cache: Path | None = None
-
-    @field_validator("cache")
-    @classmethod
-    def _same_from_everywhere(cls, cache: Path | None) -> Path | None:
-        if cache is not None and not cache.expanduser().is_absolute():
-            raise ValueError(
-                f"cache must be an absolute path, since workers run in other folders, got {cache}; "
-                "begin it with / or ~"
-            )
-        return cache
+from lmtr.task.task import foot_excess, reach
+from pipelines.sections import (
+    ClusterSection,
+    DatasetSection,
+    EvaluationSection,
+    TrainingSection,
+)
 
 
 class Configuration(Settings):
@@ -193,6 +48,14 @@ class Configuration(Settings):
     cluster: ClusterSection = ClusterSection()
 
     @model_validator(mode="after")
+    def _expert_suits_robot(self) -> "Configuration":
+        try:
+            require_suitable(self.dataset.robot, self.expert)
+        except ConfigurationError as error:
+            raise ValueError(str(error)) from error
+        return self
+
+    @model_validator(mode="after")
     def _tasks_are_possible(self) -> "Configuration":
         robot, tasks, swings = self.dataset.robot, self.tasks, self.expert.scope.n_swings
         furthest = math.hypot(tasks.goal_distance[1], tasks.goal_lateral)
@@ -202,11 +65,13 @@ class Configuration(Settings):
                 f"robot {robot.name!r} reaches at most {reach(robot, swings):.2f} m with {swings} "
                 "swings per leg; bring the goals closer or allow more swings"
             )
-        scatter, range_of_motion = tasks.foot_scatter, robot.range_of_motion[:2]
-        if any(s > r for s, r in zip(scatter, range_of_motion, strict=True)):
+        margin = self.expert.range_of_motion_margin
+        if foot_excess(tasks.foot_scatter, robot, margin) > 0.0:
             raise ValueError(
-                f"tasks.foot_scatter {scatter} m leaves the range of motion ±{range_of_motion} m "
-                f"of robot {robot.name!r}; scatter the start feet less"
+                f"tasks.foot_scatter must stay within the range of motion "
+                f"±{robot.range_of_motion[:2]} m of robot {robot.name!r} less the margin of "
+                f"{margin} m (expert.range_of_motion_margin), got {tasks.foot_scatter} m; scatter "
+                "the start feet less"
             )
         return self
 
@@ -323,6 +188,8 @@ def _set(tree: dict[str, Any], override: str) -> None:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         value = text.strip()
+    if path[:2] == ["dataset", "robot"] and len(path) > 2:
+        _spell_out_robot(tree)
     node = tree
     for name in path[:-1]:
         node = node.setdefault(name, {})
@@ -332,6 +199,18 @@ def _set(tree: dict[str, Any], override: str) -> None:
                 "name one of its own keys or leave the rest of the path out"
             )
     node[path[-1]] = value
+
+
+def _spell_out_robot(tree: dict[str, Any]) -> None:
+    """Put the figures of a robot in the place of its name, or of none, so that each can be set."""
+    dataset = tree.setdefault("dataset", {})
+    if not isinstance(dataset, dict) or isinstance(dataset.get("robot"), dict):
+        return
+    try:
+        section = DatasetSection.model_validate({k: v for k, v in dataset.items() if k == "robot"})
+    except ValidationError as error:
+        raise ConfigurationError(_explain(error)) from error
+    dataset["robot"] = section.robot.model_dump(mode="json")
 
 
 def _explain(error: ValidationError) -> str:

@@ -4,7 +4,6 @@ import os
 import platform
 import shutil
 import sys
-import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib import import_module, metadata
@@ -15,12 +14,13 @@ from rich.table import Table
 from rich.text import Text
 
 from lmtr import __version__
-from lmtr.errors import CompilationError
-from lmtr.expert.shared_library import c_compiler, require_private
-from pipelines.config import ClusterSection, Configuration
+from lmtr.expert.shared_library import c_compiler
+from pipelines.config import Configuration
+from pipelines.expert import cache_fault
 from pipelines.provenance import code_version
+from pipelines.sections import ClusterSection
 from pipelines.workspace import Workspace
-from services.cache import VARIABLE, machine_cache
+from services.cache import machine_cache
 from services.cluster import Cluster
 from services.errors import ServiceError
 
@@ -102,26 +102,13 @@ def _expert(_: Path, cluster: ClusterSection) -> Iterator[Finding]:
     yield Finding(
         "C compiler",
         compiler or "none",
-        "" if compiler else "install gcc: without it the expert is about a fifth slower",
+        "" if compiler else "install gcc: without it the expert takes four times as long",
     )
     folder = machine_cache(cluster.cache)
     built = [entry.stat().st_size for entry in folder.glob("*.so")]
-    mend = _unfit(folder)
+    mend = cache_fault(folder)
     state = f"{len(built)} ({sum(built) / 1e6:.1f} MB)" if built else "none yet"
     yield Finding("compiled experts", f"{state} in {folder}", mend)
-
-
-def _unfit(cache: Path) -> str:
-    """Why nothing can be compiled into this cache, and what to do about it; empty if it can."""
-    try:
-        require_private(cache)
-        with tempfile.TemporaryFile(dir=cache) as file:
-            file.write(b"?")
-    except CompilationError as error:
-        return str(error)
-    except OSError as error:
-        return f"{error.strerror or error}: name another folder in {VARIABLE}, or make room"
-    return ""
 
 
 def _cluster(_: Path, cluster: ClusterSection) -> Iterator[Finding]:

@@ -18,12 +18,13 @@ from lmtr.rollout.starts import draw_starts
 from lmtr.rollout.summary import ReplannerSummary, summarise
 from lmtr.rollout.testbed import run_rollouts
 from pipelines import records
-from pipelines.config import Configuration, EvaluationSection, fingerprint
+from pipelines.config import Configuration, fingerprint
 from pipelines.datasets import configuration_of
 from pipelines.learning_data import LearningData
 from pipelines.progress import bar, say
 from pipelines.provenance import code_version
 from pipelines.registry import Registered, load, models
+from pipelines.sections import EvaluationSection
 from pipelines.workspace import Workspace
 
 EXPERIMENT = "evaluation"

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from typing import Any
 
 from lmtr.errors import TaskError
-from lmtr.expert.solve import Expert
 from lmtr.quality.filter import expected_cost, judge
 from lmtr.quality.measure import measure
 from lmtr.streams import Purpose, stream
@@ -16,6 +15,7 @@ from lmtr.task.task import Task
 from lmtr.vectors.layout import SEGMENT_LAYOUT, TASK_LAYOUT
 from pipelines import records
 from pipelines.config import Configuration
+from pipelines.expert import build_expert, told
 from pipelines.progress import bar, say
 from pipelines.provenance import code_version
 from pipelines.workspace import Workspace
@@ -27,7 +27,7 @@ class SolveWorker:
 
     def __init__(self, config: Configuration) -> None:
         self._config = config
-        self._expert = _expert(config)
+        self._expert = build_expert(config)
 
     def __call__(self, index: int) -> records.Row:
         """The row of ``solutions`` for the task of this index."""
@@ -73,13 +73,13 @@ def generate(config: Configuration, workspace: Workspace) -> str:
     """Solve what the data set still lacks; returns its id. Committed rows survive any stop."""
     dataset_id, lake = config.dataset_id, workspace.lake
     with workspace.home.lock(f"generate-{dataset_id}"):
-        _register(config, workspace)
         present = _present(workspace, dataset_id)
         missing = [i for i in range(config.dataset.solutions) if i not in present]
         if not missing:
             say(f"generate: {dataset_id} has {len(present)} solutions already, nothing to do")
             return dataset_id
         _prepare_expert(config)
+        _register(config, workspace)  # only what can be solved becomes a data set
         writer = _Writer(workspace, dataset_id)
         with bar("Solving tasks", len(missing)) as progress:
             try:
@@ -117,18 +117,11 @@ def _failed(config: Configuration, index: int, error: str) -> records.Row:
     return {**identity(config, index), **posed, **records.error_columns(error)}
 
 
-def _expert(config: Configuration) -> Expert:
-    """The expert, from the cache of the machine that this runs on."""
-    return Expert(config.dataset.robot, config.expert, machine_cache(config.cluster.cache))
-
-
 def _prepare_expert(config: Configuration) -> None:
     """Compile the expert before the workers start, so that they find it in the cache."""
-    report = _expert(config).build_report
-    if not report.compiled:
-        say(f"generate: the expert runs interpreted, about a fifth slower: {report.reason}")
-    elif not report.cached:
-        say(f"generate: expert compiled in {report.seconds:.0f} s, kept for all later runs")
+    news = told(build_expert(config).build_report, machine_cache(config.cluster.cache))
+    if news:
+        say(f"generate: {news}")
 
 
 def _register(config: Configuration, workspace: Workspace) -> None:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from pipelines.config import ClusterSection
+from pipelines.sections import ClusterSection
 from services.cluster import Cluster
 from services.home import Home
 from services.lake.tables import Lake

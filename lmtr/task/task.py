@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lmtr.arrays import Array
 from lmtr.errors import TaskError
@@ -57,14 +58,14 @@ class Task:
             TaskError: A start foot lies where no plan may keep it, or the goal is further away
                 than the legs can reach with ``n_swings`` swings.
         """
-        room = foot_room(robot, margin)
-        offset = np.abs(self.start_feet_B() - robot.nominal_feet_B[:, :2])
-        for foot, excess in zip(FEET, offset - room, strict=True):
-            if excess.max() > _ROUNDING:
+        offsets = self.start_feet_B() - robot.nominal_feet_B[:, :2]
+        for foot, offset in zip(FEET, offsets, strict=True):
+            excess = foot_excess(offset, robot, margin)
+            if excess > 0.0:
                 raise TaskError(
                     f"task: start foot {foot} must stay within the range of motion "
                     f"±{robot.range_of_motion[:2]} m of robot {robot.name!r} less a margin of "
-                    f"{margin} m, got {excess.max():.3f} m beyond; move it closer to neutral"
+                    f"{margin} m, got {excess:.3f} m beyond; move it closer to neutral"
                 )
         distance = float(np.linalg.norm(self.goal_pose_W[:2] - self.start_pose_W[:2]))
         limit = reach(robot, n_swings)
@@ -76,14 +77,17 @@ class Task:
             )
 
 
-def foot_room(robot: RobotModel, margin: float) -> Array:
-    """Largest offsets (2,) of a foot from neutral, forward and lateral, that plans keep to (m).
+def foot_excess(offset_B: ArrayLike, robot: RobotModel, margin: float) -> float:
+    """How far (m) a foot lies beyond where plans keep it; 0 within, up to rounding.
 
     Args:
+        offset_B: Its offset (2,) from neutral, forward and lateral (m).
         robot: The robot.
-        margin: How far inside its range of motion the foot stays (m).
+        margin: How far inside its range of motion plans keep a foot (m).
     """
-    return np.array(robot.range_of_motion[:2]) - margin
+    room = np.array(robot.range_of_motion[:2]) - margin
+    excess = float((np.abs(offset_B) - room).max())
+    return excess if excess > _ROUNDING else 0.0
 
 
 def reach(robot: RobotModel, n_swings: int) -> float:

@@ -9,7 +9,13 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from lmtr.expert.compilation import compiled
+from lmtr.expert.compilation import (
+    FUNCTIONS,
+    LINEAR_SOLVER,
+    BuildReport,
+    compiled,
+    compiled_linear_solver,
+)
 from lmtr.expert.solve import Expert
 from lmtr.robot.model import ANYMAL
 
@@ -153,6 +159,29 @@ def test_a_cache_that_cannot_be_written_is_done_without(tmp_path):
     _, report = compiled(functions(), file / "cache")
     assert not report.compiled
     assert str(file) in report.reason
+
+
+def test_a_report_of_both_parts_tells_which_is_missing():
+    whole = BuildReport(frozenset(), cached=True, seconds=1.0, reason="")
+    solver = BuildReport(frozenset({LINEAR_SOLVER}), cached=False, seconds=2.0, reason="why")
+    functions_too = BuildReport(frozenset({FUNCTIONS}), cached=False, seconds=0.0, reason="why")
+    assert (whole + whole).compiled
+    assert (whole + whole).loss == ""
+    assert not (whole + solver).compiled
+    assert "MUMPS" in (whole + solver).loss
+    assert "interpreted" not in (whole + solver).loss
+    assert "MUMPS" not in (whole + functions_too).loss
+    neither = solver + functions_too
+    assert "interpreted" in neither.loss
+    assert "MUMPS" in neither.loss
+    assert neither.reason == "why"
+
+
+def test_each_part_reports_itself_as_missing(drawn, tmp_path):
+    problem = drawn.problem
+    assert compiled(functions(), None)[1].missing == {FUNCTIONS}
+    assert compiled_linear_solver(problem, None)[1].missing == {LINEAR_SOLVER}
+    assert compiled(functions(), tmp_path)[1].missing == frozenset()
 
 
 def test_machine_code_and_interpreter_reach_the_same_solution(short_expert, nearby, short):

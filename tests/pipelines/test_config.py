@@ -8,6 +8,7 @@ import tomllib
 import pytest
 
 from lmtr.errors import ConfigurationError
+from lmtr.robot.model import ROBOTS
 from pipelines.config import as_toml, builtin_names, load, parse
 
 
@@ -29,6 +30,11 @@ def test_every_builtin_configuration_is_valid():
         ("tasks.goal_distance=[3.0, 2.0]", "goal_distance"),
         ("tasks.goal_distance=[9.0, 10.0]", "bring the goals closer"),
         ("tasks.foot_scatter=[0.5, 0.0]", "range of motion"),
+        ("tasks.foot_scatter=[0.155, 0.0]", "less the margin of 0.008 m"),
+        ("expert.range_of_motion_margin=0.2", "range_of_motion_margin must be less"),
+        ("expert.limits.height=0.42", "limits.height must be less"),
+        ("dataset.robot.range_of_motion=[0.16, 0.12]", "dataset.robot.range_of_motion.2"),
+        ("dataset.robot.masss=30.0", "did you mean 'mass'"),
         ("cluster.cache=caches/lmtr", "cluster.cache: cache must be an absolute path"),
         ("nonsense", "section.key=value"),
     ],
@@ -62,6 +68,41 @@ def test_overrides_win_over_the_file_and_later_ones_over_earlier_ones(tmp_path):
     path.write_text("[dataset]\nsolutions = 5\nseed = 3\n")
     config = load(str(path), ["dataset.solutions=6", "dataset.solutions=7"])
     assert (config.dataset.solutions, config.dataset.seed) == (7, 3)
+
+
+def test_start_feet_may_use_all_of_their_room():
+    load(None, ["tasks.foot_scatter=[0.152, 0.112]"])
+
+
+@pytest.mark.parametrize("name", list(ROBOTS))
+def test_single_figures_of_a_named_robot_can_be_set(tmp_path, name):
+    path = tmp_path / "mine.toml"
+    path.write_text(f'[dataset]\nseed = 3\nrobot = "{name}"\n')
+    figures = {"mass": 40.0, "range_of_motion": (0.18, 0.12, 0.1)}
+    expected = ROBOTS[name].model_copy(update=figures)
+    overrides = ["dataset.robot.mass=40", "dataset.robot.range_of_motion=[0.18, 0.12, 0.1]"]
+    config = load(str(path), overrides)
+    assert config.dataset.robot == expected
+    assert config.dataset.seed == 3
+    assert load(None, [f"dataset.robot={name}", *overrides]).dataset.robot == expected
+
+
+def test_a_figure_that_is_set_is_the_default_robots_where_none_is_named():
+    default = load(None).dataset.robot
+    changed = load(None, ["dataset.robot.mass=40"]).dataset.robot
+    assert changed == default.model_copy(update={"mass": 40.0})
+
+
+def test_a_figure_of_an_unknown_robot_is_refused_by_the_robots_name():
+    with pytest.raises(ConfigurationError, match="no built-in robot is called 'unicorn'"):
+        load(None, ["dataset.robot=unicorn", "dataset.robot.mass=40"])
+
+
+def test_a_figure_of_a_robot_of_ones_own_leaves_its_others(tmp_path):
+    path = tmp_path / "own.toml"
+    path.write_text(as_toml(load(None, ["dataset.robot.name=mine", "dataset.robot.mass=12"])))
+    robot = load(str(path), ["dataset.robot.friction=0.5"]).dataset.robot
+    assert (robot.name, robot.mass, robot.friction) == ("mine", 12.0, 0.5)
 
 
 def numbers_below(tree, path=()):

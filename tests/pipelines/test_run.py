@@ -137,7 +137,7 @@ def test_doctor_says_how_to_mend_a_cache_that_others_can_write_to(lmtr, tmp_path
     assert f"none yet in {cache}" in out
     assert f"chmod go-w {cache}" in out
     status, out, _ = lmtr("doctor", "--home", tmp_path / "home", "--set", "cluster.cache=/dev/null")
-    assert "File exists: name another folder in LMTR_CACHE" in out
+    assert "/dev/null cannot be used (File exists); name a folder of your own in LMTR_CACHE" in out
 
 
 def test_runs_are_logged_with_curves_metrics_and_data_version(lake, tiny_home):

@@ -7,7 +7,9 @@ import socket
 import pytest
 from mlflow import MlflowClient
 
+from lmtr.errors import ConfigurationError
 from services.home import Home
+from services.lake.tables import Lake
 from services.tracking import Tracker
 
 
@@ -84,3 +86,34 @@ def test_a_sample_time_must_be_a_time(lmtr, tiny_home, tmp_path, dt):
     out = tmp_path / "x.parquet"
     refused(lmtr("export", "solutions", "--out", out, "--dt", dt, "--home", tiny_home), "--dt")
     assert not out.exists()
+
+
+@pytest.mark.parametrize("override", ["range_of_motion_margin=0.2", "limits.height=0.5"])
+def test_an_expert_that_does_not_suit_the_robot_leaves_no_trace(lmtr, tmp_path, override):
+    home = tmp_path / "home"
+    outcome = lmtr("generate", "--set", f"expert.{override}", "--home", home)
+    refused(outcome, override.partition("=")[0], "lower it")
+    assert not home.exists()
+
+
+def test_an_expert_that_cannot_be_built_leaves_no_data_set(lmtr, tmp_path, monkeypatch):
+    def unbuildable(*_):
+        raise ConfigurationError("expert: it must be possible, got none; choose another")
+
+    monkeypatch.setattr("pipelines.expert.Expert", unbuildable)
+    home = tmp_path / "home"
+    refused(lmtr("generate", "--solutions", 1, "--home", home), "it must be possible")
+    assert "datasets" not in Lake(Home.open(home, create=False).lake).tables()
+
+
+def test_a_cache_that_is_a_file_is_told_with_its_mend(lmtr, tmp_path, monkeypatch):
+    cache = tmp_path / "cache"
+    cache.write_text("")
+    monkeypatch.setenv("LMTR_CACHE", str(cache))
+    monkeypatch.setattr("pipelines.generate._solve", lambda *_: iter(()))  # told before any solve
+    _, _, err = lmtr("generate", "--solutions", 1, "--home", tmp_path / "home")
+    assert "takes four times as long" in err
+    assert (
+        f"cache {cache} cannot be used (File exists); name a folder of your own in LMTR_CACHE"
+        in err
+    )

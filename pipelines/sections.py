@@ -1,0 +1,155 @@
+"""The sections of a configuration that belong to stages, beside those of the science's settings."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
+
+from lmtr.models.settings import ModelSettings, TrainingSettings
+from lmtr.policies.distance import TaskWeights
+from lmtr.robot.model import ROBOTS, RobotModel
+from lmtr.rollout.settings import Criteria, RolloutSettings
+from lmtr.settings import Count, Seed, Settings
+
+
+class DatasetSection(Settings):
+    """Which expert data set to make.
+
+    Attributes:
+        name: First part of the data set's id.
+        solutions: How many tasks to solve.
+        seed: Seed of all tasks and noise.
+        robot: Name of a built-in robot, or a table with a robot's figures.
+    """
+
+    name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_]*$", max_length=40)] = "default"
+    solutions: Count = 200
+    seed: Seed = 0
+    robot: RobotModel = ROBOTS["anymal"]
+
+    @field_validator("robot", mode="before")
+    @classmethod
+    def _named_robot(cls, robot: object) -> object:
+        if not isinstance(robot, str):
+            return robot
+        if robot not in ROBOTS:
+            raise ValueError(
+                f"no built-in robot is called {robot!r}; choose one of {', '.join(ROBOTS)} or "
+                "give a [dataset.robot] table"
+            )
+        return ROBOTS[robot]
+
+
+class TrainingSection(Settings):
+    """Which models to train.
+
+    Attributes:
+        latent: Latent dimensions n, one model each; 0 is the unimodal regressor.
+        seeds: Training seeds, one model each.
+        validation_share: Share of the solutions held out (never single segments).
+        mirror: Add the left-right mirror image of every training segment.
+        model: Architecture and loss shared by all; ``latent`` stands above.
+        optimizer: Optimisation shared by all; ``seeds`` stand above.
+    """
+
+    latent: Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)] = (
+        0,
+        3,
+        6,
+    )
+    seeds: Annotated[tuple[Seed, ...], Field(min_length=1)] = (0,)
+    validation_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.1
+    mirror: bool = True
+    model: ModelSettings = ModelSettings()
+    optimizer: TrainingSettings = TrainingSettings()
+
+    @field_validator("model", "optimizer", mode="before")
+    @classmethod
+    def _said_once(cls, value: object, info: ValidationInfo) -> object:
+        own, above = {"model": ("latent", "latent"), "optimizer": ("seed", "seeds")}[
+            info.field_name or ""
+        ]
+        if isinstance(value, Mapping) and own in value:
+            raise ValueError(
+                f"{own!r} is not set here, got {value[own]!r}; give training.{above} as a list"
+            )
+        return value
+
+    @field_validator("latent", "seeds")
+    @classmethod
+    def _none_twice(cls, values: tuple[int, ...], info: ValidationInfo) -> tuple[int, ...]:
+        if len(set(values)) < len(values):
+            raise ValueError(
+                f"{info.field_name} must name each value once, got {list(values)}; drop repetitions"
+            )
+        return values
+
+    @model_validator(mode="after")
+    def _every_model_is_possible(self) -> "TrainingSection":
+        for latent in self.latent:
+            try:
+                self._model_of(latent)
+            except ValidationError as error:
+                raise ValueError(error.errors()[0]["msg"].removeprefix("Value error, ")) from error
+        return self
+
+    def plans(self) -> list[tuple[ModelSettings, TrainingSettings]]:
+        """Settings of each model: every latent dimension with every seed."""
+        return [
+            (self._model_of(latent), self.optimizer.model_copy(update={"seed": seed}))
+            for latent in self.latent
+            for seed in self.seeds
+        ]
+
+    def _model_of(self, latent: int) -> ModelSettings:
+        return ModelSettings.model_validate({**self.model.model_dump(), "latent": latent})
+
+
+class EvaluationSection(Settings):
+    """How replanners are compared.
+
+    Attributes:
+        rollouts: Rollouts per replanner, one obstacle course each, the same for all.
+        seed: Seed of the courses and starts.
+        with_library: Whether the trajectory library is evaluated too.
+        weights: Distance weights w of the nearest-neighbour look-ups, one evaluation each.
+        rollout: The testbed.
+        criteria: What counts as a close step and as a violated range of motion.
+    """
+
+    rollouts: Count = 100
+    seed: Seed = 0
+    with_library: bool = True
+    weights: Annotated[tuple[TaskWeights, ...], Field(min_length=1)] = (TaskWeights(),)
+    rollout: RolloutSettings = RolloutSettings()
+    criteria: Criteria = Criteria()
+
+
+class ClusterSection(Settings):
+    """Where the work runs.
+
+    Attributes:
+        address: Address of a running Ray cluster; none starts one on this machine.
+        workers: Worker processes; none means one per core.
+        commit_rows: Solutions that are committed to the lake together.
+        commit_seconds: Solutions are committed at least this often (s).
+        cache: Absolute folder of compiled experts on every host, writable by its user alone; none
+            takes ``LMTR_CACHE`` or the user's own folder of caches.
+    """
+
+    address: str | None = None
+    workers: Annotated[int, Field(ge=0)] | None = None
+    commit_rows: Count = 25
+    commit_seconds: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] = 20.0
+    cache: Path | None = None
+
+    @field_validator("cache")
+    @classmethod
+    def _same_from_everywhere(cls, cache: Path | None) -> Path | None:
+        if cache is not None and not cache.expanduser().is_absolute():
+            raise ValueError(
+                f"cache must be an absolute path, since workers run in other folders, got {cache}; "
+                "begin it with / or ~"
+            )
+        return cache
