@@ -1,10 +1,11 @@
 """What balancing forces in the mean, rather than at the nodes, leaves between them.
 
-    python benchmarks/balance.py
+    python benchmarks/balance.py --out build/balance.png
+    python benchmarks/balance.py --record  # the picture of docs/formulation.md
 
 Solves one default task, takes the vertical force of its solution, and compares the acceleration
 that the solution has with the one that would match this force at every node (the chord between
-nodes). Draws both residuals, and what they add up to, for ``docs/formulation.md`` (E15–E17).
+nodes). Draws both residuals, and what they add up to (E15–E17).
 """
 
 from pathlib import Path
@@ -17,9 +18,10 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from scipy.integrate import cumulative_trapezoid
 
+from benchmarks.solving.ready import ready_expert
 from lmtr.arrays import Array
+from lmtr.errors import LmtrError
 from lmtr.expert.settings import ExpertSettings
-from lmtr.expert.solve import Expert
 from lmtr.figures.style import FULL_WIDTH, save, series_styles, styled
 from lmtr.quality.residual import linear_residual, rigid_motion
 from lmtr.robot.model import ANYMAL
@@ -57,13 +59,13 @@ class Residuals(NamedTuple):
         return np.asarray(cumulative_trapezoid(self.by_rule[rule], self.times, initial=0.0))
 
 
-def solved(index: int) -> Trajectory:
+def solved(index: int, cache: Path | None) -> Trajectory:
     """Solution of a task of the default distribution, by number."""
     settings, distribution = ExpertSettings(), TaskDistribution()
     rng = stream(0, Purpose.TASK, index)
     task = sample_task(distribution, ANYMAL, rng)
     noise = sample_noise(distribution, settings.scope.n_swings, rng)
-    return Expert(ANYMAL, settings, None).solve(task, noise).trajectory
+    return ready_expert(ANYMAL, settings, cache, console).solve(task, noise).trajectory
 
 
 def residuals(trajectory: Trajectory) -> Residuals:
@@ -103,17 +105,26 @@ def _name(axes: Axes, title: str, x: str, y: str) -> None:
 
 def main(
     task: Annotated[int, typer.Option(help="Number of the task.")] = 0,
-    out: Annotated[Path, typer.Option(help="Where the picture goes.")] = PICTURE,
+    out: Annotated[Path | None, typer.Option(help="Where a picture goes.")] = None,
+    cache: Annotated[
+        Path | None, typer.Option(help="Folder of compiled problems; else this machine's.")
+    ] = None,
+    record: Annotated[bool, typer.Option("--record", help="Keep for the docs.")] = False,
 ) -> None:
     """Solve, print the figures, draw."""
-    found = residuals(solved(task))
+    try:
+        found = residuals(solved(task, cache))
+    except LmtrError as error:
+        console.print(f"error: {error}", style="red", markup=False, soft_wrap=True)
+        raise typer.Exit(1) from error
     for rule, residual in found.by_rule.items():
         error = found.velocity_error(rule)
         console.print(
             f"balance {rule}: peak {np.abs(residual).max():.2f} m/s², velocity error up to "
             f"{1e3 * np.abs(error).max():.1f} mm/s and {1e3 * error[-1]:.1f} mm/s at the end"
         )
-    console.print(f"drawn to {save(picture(found), out)}")
+    for image in filter(None, (out, PICTURE if record else None)):
+        console.print(f"drawn to {save(picture(found), image)}", markup=False)
 
 
 if __name__ == "__main__":
