@@ -15,10 +15,11 @@ from lmtr.arrays import Array
 from lmtr.expert.compilation import compiled, compiled_linear_solver
 from lmtr.expert.formulation import formulate, parameter_values
 from lmtr.expert.initial_guess import InitialGuess, initial_guess
-from lmtr.expert.saturation import WINDOW, saturated
+from lmtr.expert.saturation import saturated
 from lmtr.expert.settings import ExpertSettings
 from lmtr.expert.solver import InteriorPoint, Outcome
 from lmtr.expert.variables import pack, unpack
+from lmtr.quality.limits import Limit
 from lmtr.quality.status import Status
 from lmtr.robot.model import N_FEET, RobotModel
 from lmtr.task.sampling import Noise
@@ -68,7 +69,7 @@ class Solution:
 
         The problem's sparsity then limits the solution, and it may deserve a wider window.
         """
-        return WINDOW in self.saturated
+        return Limit.WINDOW in self.saturated
 
 
 class Expert:
@@ -144,9 +145,7 @@ class Expert:
             guess=guess.trajectory,
             order=guess.order,
             liftoff_swaps=_swaps(guess.trajectory.liftoff_times, trajectory.liftoff_times),
-            saturated=saturated(
-                trajectory, guess.order, self._problem.windows, self.robot, self.settings
-            ),
+            saturated=saturated(last, self._problem, self.settings.limits),
         )
 
     def _cost_terms(self, x: Array, parameters: Array) -> dict[str, float]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lmtr.quality.cost_model import DEFAULT_COST_MODEL, CostModel, task_features
+from lmtr.quality.limits import Limit
 from lmtr.quality.measure import Violations
 from lmtr.quality.rules import COST, NOT_CONVERGED, RULES, SATURATED, with_detail
 from lmtr.quality.status import Status
@@ -60,7 +61,7 @@ class QualityThresholds(Settings):
         tilt: Largest roll or pitch (rad) [0.12, 0.25].
         obstacle_clearance: Least distance of a foothold to a line (m) [0.18, 0.079]: twice what
             counts as a close step of a replanner, for what is learnt comes out a little off.
-        tolerated_limits: Names of limits of the problem that a solution may lie on nevertheless.
+        tolerated_limits: Limits of the problem that a solution may lie on nevertheless.
         judge_cost: Whether the cost is judged; it never is where ``cost_model`` does not apply,
             that is, for other figures of the robot or other settings of the expert's problem.
         cost_excess: Largest cost above the expected one, as a share of that [0, 0.20]. Of ten
@@ -91,7 +92,7 @@ class QualityThresholds(Settings):
     height_deviation: NonNegative = 0.087
     tilt: NonNegative = 0.23
     obstacle_clearance: NonNegative = 0.1
-    tolerated_limits: tuple[str, ...] = ()
+    tolerated_limits: tuple[Limit, ...] = ()
     judge_cost: bool = True
     cost_excess: NonNegative = 0.1
     cost_model: CostModel = DEFAULT_COST_MODEL

@@ -1,102 +1,111 @@
 """A solution that leans on a limit of the problem says on which."""
 
-from dataclasses import replace
-
-import numpy as np
 import pytest
 
-from lmtr.expert.initial_guess import initial_guess
 from lmtr.expert.saturation import saturated
-from lmtr.expert.settings import ExpertSettings
-from lmtr.expert.timing import windows
+from lmtr.expert.settings import ExpertSettings, Limits
+from lmtr.expert.solve import Expert, Status
+from lmtr.quality.limits import Limit
 from lmtr.robot.model import ANYMAL
-from lmtr.task.sampling import Noise
-from lmtr.task.task import Task
+from lmtr.spline.bspline import hermite_nodes
 from lmtr.trajectory.nodes import HEIGHT, VALUE
+from lmtr.trajectory.trajectory import BASE_STEP
 
-SETTINGS = ExpertSettings()
-LIMITS = SETTINGS.limits
-
-
-def guess():
-    """The nominal walk, right fore foot first."""
-    feet = ANYMAL.nominal_feet_B[:, :2].copy()
-    feet[1, 0] -= 0.05
-    task = Task(np.zeros(3), feet, np.array([2.0, 0.0, 0.0]), np.zeros((0, 3)))
-    n_swings = SETTINGS.scope.n_swings
-    quiet = Noise(np.zeros((3, 3)), np.zeros((4, 2 * n_swings)))
-    return initial_guess(task, quiet, ANYMAL, SETTINGS.scope)
+LIMITS = Limits()
+NOMINAL = ANYMAL.nominal_height
+LATE, EARLY = (2, slice(4, 6)), (1, slice(6, 8))
+"""Third swing of the third foot and fourth of the second one, whole."""
 
 
-def limits_of(trajectory, order):
-    return saturated(trajectory, order, windows(SETTINGS), ANYMAL, SETTINGS)
+@pytest.fixture
+def walk(drawn_in_full):
+    """The nominal walk as blocks of x; the drawn one is shaken."""
+    blocks = drawn_in_full.problem.variables.unpack(drawn_in_full.start)
+    blocks["control"][:, HEIGHT:] = NOMINAL, 0.0, 0.0, 0.0
+    blocks["times"][:] = drawn_in_full.problem.windows.nominal[:, 1:-1]
+    return blocks
 
 
-def later(times, by):
-    """The third swing of the left hind foot, with its stance before and after it, shifted."""
-    times = times.copy()
-    times[2, 5:7] += by
-    return times
+@pytest.fixture
+def limits_of(drawn_in_full):
+    """The limits that blocks of x lie on."""
+    problem = drawn_in_full.problem
+    return lambda blocks: saturated(problem.variables.pack(blocks), problem, LIMITS)
 
 
-def longer(times, duration):
-    times = times.copy()
-    times[3, 4] = times[3, 3] + duration
-    return times
+def test_the_nominal_walk_lies_on_no_limit(walk, limits_of):
+    assert limits_of(walk) == ()
 
 
-CASES = {
-    "height": ("base_nodes", (30, VALUE, HEIGHT), ANYMAL.nominal_height - LIMITS.height),
-    "tilt": ("base_nodes", (40, VALUE, 3), LIMITS.tilt),
-    "force": ("force_nodes", (1, 2, 1, VALUE, 2), LIMITS.force * ANYMAL.weight),
-    "swing_height": ("swing_nodes", (0, 3, 2), LIMITS.swing_height[0]),
-    "window": ("contact_times", ..., lambda times: later(times, LIMITS.window)),
-    "longest_swing": ("contact_times", ..., lambda times: longer(times, LIMITS.swing[1])),
-}
+SWING_LOW, SWING_HIGH = (height - 0.08 for height in LIMITS.swing_height)
+CASES = [
+    ("height", "control", (30, HEIGHT), NOMINAL - LIMITS.height),
+    ("height", "control", (0, HEIGHT), NOMINAL + LIMITS.height),
+    ("tilt", "control", (40, 3), LIMITS.tilt),
+    ("tilt", "control", (41, 4), -LIMITS.tilt),
+    ("force", "forces", (1, 2, 2), LIMITS.force),
+    ("swing_height", "swing_offset", (0, 3, 2), SWING_LOW),
+    ("swing_height", "swing_offset", (3, 1, 2), SWING_HIGH),
+    ("window", "times", LATE, lambda there: there + LIMITS.window),
+    ("window", "times", EARLY, lambda there: there - LIMITS.window),
+]
 
 
-def test_the_nominal_walk_lies_on_no_limit_whichever_foot_is_first():
-    walk = guess()
-    assert walk.order[0] == 1
-    assert limits_of(walk.trajectory, walk.order) == ()
+@pytest.mark.parametrize("share", [0.995, 0.9])
+@pytest.mark.parametrize(("limit", "block", "index", "value"), CASES)
+def test_a_limit_is_named_when_it_is_reached_and_only_then(
+    walk, limits_of, limit, block, index, value, share
+):
+    here = walk[block][index]
+    there = value(here) if callable(value) else value
+    walk[block][index] = here + share * (there - here)
+    assert limits_of(walk) == ((limit,) if share > 0.98 else ())
 
 
-@pytest.mark.parametrize("share", [0.999, 0.9])
-@pytest.mark.parametrize("limit", CASES)
-def test_a_limit_is_named_when_it_is_reached_and_only_then(limit, share):
-    walk, (name, index, value) = guess(), CASES[limit]
-    nodes = getattr(walk.trajectory, name).copy()
-    there = value(nodes) if callable(value) else value
-    # All of the way to the limit, or less of it.
-    nodes[index] = nodes[index] + share * (there - nodes[index])
-    reached = limits_of(replace(walk.trajectory, **{name: nodes}), walk.order)
-    assert reached == ((limit,) if share > 0.99 else ())
+@pytest.mark.parametrize(
+    ("limit", "change", "duration"),
+    [("longest_swing", 3, LIMITS.swing[1]), ("longest_stance", 4, LIMITS.stance[1])],
+)
+def test_the_longest_phases_count_between_two_changes(walk, limits_of, limit, change, duration):
+    times = walk["times"]
+    times[3, change] = times[3, change - 1] + 0.9 * duration
+    assert limit not in limits_of(walk)
+    times[3, change] = times[3, change - 1] + duration
+    assert limit in limits_of(walk)
 
 
-def test_both_ends_of_the_height_of_swings_count():
-    walk = guess()
-    nodes = walk.trajectory.swing_nodes.copy()
-    nodes[3, 1, 2] = LIMITS.swing_height[1]
-    assert limits_of(replace(walk.trajectory, swing_nodes=nodes), walk.order) == ("swing_height",)
+def test_what_is_the_robots_counts_as_nothing(walk, limits_of):
+    walk["times"][0, 3] = walk["times"][0, 2] + LIMITS.swing[0]
+    walk["times"][1, :2] += LIMITS.stance[0] - walk["times"][1, 0]  # where its window is cut
+    walk["forces"][1, 2, 2] = 0.0
+    assert limits_of(walk) == ()
 
 
-def test_the_longest_stance_counts_between_two_swings():
-    walk = guess()
-    tight = SETTINGS.model_copy(update={"limits": LIMITS.model_copy(update={"stance": (0.2, 0.9)})})
-    times = walk.trajectory.contact_times
-    assert np.diff(times, axis=-1)[:, 2:-1:2].max() < 0.99 * 0.9
-    stretched = times.copy()
-    stretched[0, 3] = times[0, 2] + 0.9
-    found = [
-        saturated(
-            replace(walk.trajectory, contact_times=each), walk.order, windows(tight), ANYMAL, tight
-        )
-        for each in (times, stretched)
-    ]
-    assert found == [(), ("longest_stance",)]
+def test_a_point_on_its_limit_counts_though_the_spline_keeps_clear_of_it(walk, limits_of):
+    control = walk["control"]
+    control[30, HEIGHT] = NOMINAL + LIMITS.height
+    highest = hermite_nodes(control, BASE_STEP)[:, VALUE, HEIGHT].max()
+    assert highest < NOMINAL + 0.7 * LIMITS.height
+    assert limits_of(walk) == ("height",)
 
 
-def test_the_shortest_phases_are_the_robots_and_count_as_nothing():
-    walk = guess()
-    times = longer(walk.trajectory.contact_times, LIMITS.swing[0])
-    assert limits_of(replace(walk.trajectory, contact_times=times), walk.order) == ()
+@pytest.mark.parametrize(
+    ("limit", "tight"),
+    [
+        ("height", {"height": 0.02}),
+        ("tilt", {"tilt": 0.03}),
+        ("force", {"force": 0.75}),
+        ("longest_stance", {"stance": (0.3, 0.75)}),
+        ("window", {"window": 0.1}),
+    ],
+)
+def test_a_solution_that_a_tight_limit_shapes_lies_on_it(short, nearby, limit, tight):
+    settings = ExpertSettings(scope=short.scope, limits=Limits(**tight))
+    solution = Expert(ANYMAL, settings, None).solve(*nearby(1))
+    assert solution.status == Status.CONVERGED
+    assert limit in solution.saturated
+    assert solution.window_active == (limit == Limit.WINDOW)
+
+
+def test_the_same_walk_lies_on_no_default_limit(short_expert, nearby):
+    assert short_expert.solve(*nearby(1)).saturated == ()

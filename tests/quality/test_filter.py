@@ -1,5 +1,6 @@
 """Verdicts: each fault by its name, and the cost only beyond what the task explains."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +17,7 @@ from lmtr.quality.cost_model import (
     task_features,
 )
 from lmtr.quality.filter import QualityThresholds, expected_cost, judge
+from lmtr.quality.limits import Limit
 from lmtr.quality.measure import Violations
 from lmtr.quality.rules import REASONS, RULES, describe
 from lmtr.robot.model import ANYMAL, HYQ
@@ -129,6 +131,15 @@ def test_each_limit_that_a_solution_lies_on_is_a_reason_unless_tolerated():
     lenient = QualityThresholds(tolerated_limits=("window",))
     assert verdict(saturated=touched, limits=lenient).reasons == ("saturated:height",)
     assert verdict(saturated=("window",), limits=lenient).accepted
+
+
+def test_only_limits_that_there_are_can_be_tolerated():
+    known = ".*".join(re.escape(repr(limit.value)) for limit in Limit)
+    with pytest.raises(ValidationError, match=rf"should be {known}.*'windows'"):
+        QualityThresholds(tolerated_limits=("windows",))
+    everything = QualityThresholds(tolerated_limits=tuple(Limit))
+    assert QualityThresholds.model_validate_json(everything.model_dump_json()) == everything
+    assert verdict(saturated=[limit.value for limit in Limit], limits=everything).accepted
 
 
 def test_all_reasons_are_given_the_status_first():
