@@ -176,7 +176,7 @@ def notes(experts: Sequence[Measured], now: Result, recorded: Result | None) -> 
     for name, expert in zip(("this expert", "the other expert"), experts, strict=False):
         said.append(f"{name}: {outcomes([row['status'] for row in expert.rows])}")
         if not expert.setup["compiled"]:
-            said.append(f"{name} ran interpreted: {expert.setup['reason']}")
+            said.append(f"{name} ran without some of its machine code: {expert.setup['reason']}")
         if unmeasured := [row["unmeasured"] for row in expert.rows if "unmeasured" in row]:
             said.append(f"{name}: {len(unmeasured)} solves could not be measured: {unmeasured[0]}")
         if not any(row.get("expected_cost") for row in expert.rows):
