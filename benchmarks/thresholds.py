@@ -46,12 +46,13 @@ from benchmarks.solving.circumstances import (
     Circumstances,
     circumstances,
     require_same,
+    verdict_by,
 )
 from benchmarks.solving.ready import ready_expert
 from lmtr.errors import DataError, LmtrError
 from lmtr.expert.settings import ExpertSettings
 from lmtr.figures.style import RESOLUTION
-from lmtr.quality.cost_model import CostModel, fit_cost_model
+from lmtr.quality.cost_model import FEATURES, CostModel, fit_cost_model
 from lmtr.quality.filter import QualityThresholds
 from lmtr.robot.model import ANYMAL
 
@@ -126,6 +127,7 @@ def present(tasks: int, compiled: bool) -> Circumstances:
         "robot": ANYMAL,
         "tasks": [each.model_dump(mode="json") for each in DISTRIBUTIONS.values()],
         "expert": ExpertSettings(),
+        "features": FEATURES,
     }
     seed = SEEDS[Kind.DEFAULT]
     return circumstances(settings, seed, tasks, compiled=compiled, without=JUDGEMENT)
@@ -152,7 +154,8 @@ def report(
         thresholds.cost_excess,
     )
     found = summary_of(cost_key, solves, study, thresholds)
-    summary = json.dumps({"circumstances": asdict(made)} | found, indent=1)
+    told = {"circumstances": asdict(made), "verdict": verdict_by(thresholds)}
+    summary = json.dumps(told | found, indent=1)
     targets = [(out / "thresholds.png", out / "thresholds.json")]
     if record:
         targets.append((PICTURE, RECORD))
@@ -178,7 +181,7 @@ def study_of(cost_key: str, solves: list[Solve], quantiles: tuple[float, float])
     thresholds = QualityThresholds()
     # The present model says nothing of costs of another kind; then the new one judges them.
     present = thresholds.cost_model if thresholds.cost_model.cost_key == cost_key else model
-    excess = costs(default) / model.predict(features(default)) - 1.0
+    excess = model.excess(costs(default), model.predict(features(default)))
     update = suggestions([default, varied], quantiles[1])
     update["cost_excess"] = two_digits(float(np.quantile(excess, quantiles[0])), up=True)
     suggested = thresholds.model_copy(update={**update, "cost_model": model})

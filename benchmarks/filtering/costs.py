@@ -59,16 +59,16 @@ def compare_draws(solves: Sequence[Solve], model: CostModel) -> Draws:
     """Compare the draws of each task with each other and with what the task predicts."""
     solves = of_kind(solves, Kind.DRAWS)
     task, cost = np.array([s.index for s in solves]), costs(solves)
-    expected = model.predict(features(solves))
+    excess = model.excess(cost, model.predict(features(solves)))
     best, within, between = np.zeros_like(cost), [], []
     for index in np.unique(task):
         mine = task == index
         best[mine] = cost[mine].min()
         within.append(np.std(cost[mine]) / np.mean(cost[mine]))
-        between.append(np.mean(cost[mine] / expected[mine]) - 1.0)
+        between.append(np.mean(excess[mine]))
     return Draws(
         over_best=cost / best - 1.0,
-        over_expected=cost / expected - 1.0,
+        over_expected=excess,
         raw=cost,
         within=float(np.mean(within)),
         between=float(np.std(between)),
@@ -106,7 +106,7 @@ def by_difficulty(
         refused: What the whole filter refuses, (n,).
     """
     cost = costs(solves)
-    excess = cost / model.predict(features(solves))
+    excess = model.excess(cost, model.predict(features(solves)))
     beyond = [values > np.quantile(values, keep) for values in (cost, excess)]
     distance, lines = (np.array([getattr(s, n) for s in solves]) for n in ("distance", "lines"))
     bins = np.clip(np.digitize(distance, DISTANCES) - 1, 0, len(DISTANCES) - 2)

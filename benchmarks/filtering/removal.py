@@ -65,7 +65,7 @@ def removals(
         expected: Costs to be expected of them, (n,).
     """
     figures = {rule: _column(solves, rule) for rule in RULES}
-    figures[COST_RULE] = costs(solves) / expected - 1.0
+    figures[COST_RULE] = thresholds.cost_model.excess(costs(solves), expected)
     broken = {
         rule: np.array([rule.broken(v, getattr(thresholds, rule.threshold)) for v in values])
         for rule, values in figures.items()
