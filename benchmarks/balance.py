@@ -93,7 +93,9 @@ def picture(found: Residuals) -> Figure:
     _name(left, "Vertical residual", "time (s), nodes at the grid", "e · g (m/s²)")
     left.set_xticks(np.arange(SHOWN[0], SHOWN[1] + BASE_STEP / 2, BASE_STEP))
     _name(right, "What it adds up to", "time (s)", "error of velocity (mm/s)")
-    right.legend()
+    low, high = right.get_ylim()
+    right.set_ylim(low - 0.3 * (high - low), high)  # room for the legend
+    right.legend(loc="lower right", ncols=2)
     return figure
 
 

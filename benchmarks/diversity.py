@@ -20,10 +20,12 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.solving.circumstances import (
+    JUDGEMENT,
     Circumstances,
     circumstances,
     require_same,
     sections,
+    verdict_by,
 )
 from benchmarks.solving.ready import ready_expert
 from benchmarks.solving.record import plain
@@ -32,6 +34,7 @@ from benchmarks.variety.solves import (
     TASK_SEED,
     Study,
     Walk,
+    judged,
     read,
     solve_all,
     strict,
@@ -73,9 +76,9 @@ def main(
             solve(config, tasks, draws, cache, file)
         made, walks = read(file)
         if record:
-            now = circumstances(sections(config), TASK_SEED, made.tasks, compiled=made.compiled)
-            require_same(made, now, "diversity", "--record")
-        report(made, walks, out, record)
+            require_same(made, present(config, made.tasks, made.compiled), "diversity", "--record")
+        walks = judged(walks, config.dataset.robot, config.expert, config.quality)
+        report(made, verdict_by(config.quality), walks, out, record)
     except LmtrError as error:
         console.print(f"error: {error}", style="red", markup=False, soft_wrap=True)
         raise typer.Exit(1) from error
@@ -84,15 +87,22 @@ def main(
 def solve(config: Configuration, tasks: int, draws: int, cache: Path | None, file: Path) -> None:
     """Solve, and keep the solves with what made them."""
     robot, settings = config.dataset.robot, config.expert
-    study = Study(robot, config.tasks, settings, config.quality, tasks, draws)
+    study = Study(robot, config.tasks, settings, tasks, draws)
     usual = ready_expert(robot, settings, cache, console)
     exact = ready_expert(robot, strict(settings), cache, console)
-    compiled = usual.compiled and exact.compiled
-    made = circumstances(sections(config), TASK_SEED, tasks, compiled=compiled)
+    made = present(config, tasks, usual.compiled and exact.compiled)
     write(file, made, solve_all(study, usual, exact))
 
 
-def report(made: Circumstances, walks: Sequence[Walk], out: Path, record: bool) -> None:
+def present(config: Configuration, tasks: int, compiled: bool) -> Circumstances:
+    """The present code and settings, but for the filter, which judges kept solves anew."""
+    settings = {name: each for name, each in sections(config).items() if name != "quality"}
+    return circumstances(settings, TASK_SEED, tasks, compiled=compiled, without=JUDGEMENT)
+
+
+def report(
+    made: Circumstances, verdict: dict[str, str], walks: Sequence[Walk], out: Path, record: bool
+) -> None:
     """Print, draw and write what the walks say.
 
     Raises:
@@ -104,7 +114,7 @@ def report(made: Circumstances, walks: Sequence[Walk], out: Path, record: bool) 
     summary = summarise(walks, found)
     console.print(tasks_table(found))
     console.print_json(json.dumps(plain({k: v for k, v in summary.items() if k != "tasks"})))
-    text = as_json({"circumstances": asdict(made), **rounded(summary)})
+    text = as_json({"circumstances": asdict(made), "verdict": verdict, **rounded(summary)})
     targets = [(out, out / "diversity.json"), *([(IMAGES, RECORD)] if record else [])]
     for images, numbers in targets:
         numbers.parent.mkdir(parents=True, exist_ok=True)

@@ -20,20 +20,23 @@ from rich.console import Console
 
 from benchmarks.footholds.families import Group, groups
 from benchmarks.footholds.picture import box_picture, foothold_picture
-from benchmarks.footholds.solves import SEED, Walk, read, solve_groups, write
+from benchmarks.footholds.solves import SEED, Walk, judged, read, solve_groups, write
 from benchmarks.footholds.summary import summarise
 from benchmarks.footholds.tables import tables
 from benchmarks.solving.circumstances import (
+    JUDGEMENT,
     Circumstances,
     circumstances,
     require_same,
-    sections,
+    verdict_by,
 )
 from benchmarks.solving.ready import ready_expert
 from benchmarks.solving.record import plain
 from lmtr.errors import DataError, LmtrError
+from lmtr.expert.settings import ExpertSettings
 from lmtr.figures.style import save
-from pipelines.config import load
+from lmtr.quality.filter import QualityThresholds
+from lmtr.robot.model import ANYMAL
 
 ROOT = Path(__file__).resolve().parent.parent
 IMAGES = ROOT / "docs" / "images"
@@ -62,15 +65,16 @@ def main(
         require_all(walks, list(groups()))
         if record:
             require_same(made, now, "obstacles", "--record")
-        report(made, walks, out, record)
+        report(made, judged(walks, groups()), out, record)
     except LmtrError as error:
         console.print(f"error: {error}", style="red", markup=False, soft_wrap=True)
         raise typer.Exit(1) from error
 
 
 def present(tasks: int) -> Circumstances:
-    """The present code and settings."""
-    return circumstances(sections(load(None, [])), SEED, tasks, compiled=True)
+    """The present code and settings, but for the filter, which judges kept solves anew."""
+    settings = {"robot": ANYMAL, "expert": ExpertSettings()}  # distributions belong to groups
+    return circumstances(settings, SEED, tasks, compiled=True, without=JUDGEMENT)
 
 
 def solve(file: Path, now: Circumstances, cache: Path | None, resume: bool) -> None:
@@ -118,7 +122,8 @@ def report(made: Circumstances, walks: Sequence[Walk], out: Path, record: bool) 
         "footholds": foothold_picture(walks, summary),
         "range_of_motion": box_picture(summary),
     }
-    text = json.dumps(plain({"circumstances": asdict(made)} | summary), indent=1)
+    told = {"circumstances": asdict(made), "verdict": verdict_by(QualityThresholds())}
+    text = json.dumps(plain(told | summary), indent=1)
     for images, file in [(out, out / "obstacles.json"), *([(IMAGES, RECORD)] if record else [])]:
         file.write_text(text + "\n", encoding="utf-8")
         for name, picture in pictures.items():

@@ -1,22 +1,22 @@
 """Solves as rows: where the feet came down beside the lines, and how far the legs reached."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
 from rich.progress import track
 
 from benchmarks.footholds.families import Group
-from benchmarks.kept import read_rows, write_rows
+from benchmarks.kept import Row, read_rows, write_rows
 from benchmarks.solving.circumstances import Circumstances, made_by
+from benchmarks.solving.evidence import Evidence
+from benchmarks.solving.evidence import solve as solve_task
 from lmtr.arrays import Array
 from lmtr.expert.settings import ExpertSettings
 from lmtr.expert.solve import Expert
 from lmtr.geometry.line import signed_distance
-from lmtr.quality.filter import QualityThresholds, expected_cost, judge
-from lmtr.quality.measure import measure
-from lmtr.quality.status import Status
+from lmtr.quality.filter import QualityThresholds
 from lmtr.robot.model import RobotModel
 from lmtr.rollout.metrics import forward_offset, forward_violation
 from lmtr.streams import Purpose, stream
@@ -40,12 +40,10 @@ class Walk:
     Attributes:
         group: Name of its group.
         index: Number of its task.
-        status: Outcome.
         iterations: Iterations of the solver.
         cpu_s: Processor time of the solve (s).
-        cost: Cost.
-        distance: From start to goal (m).
-        reasons: Why the quality filter refuses it, empty if it is accepted.
+        reasons: Why the quality filter refuses it, empty if it is accepted; see :func:`judged`.
+        evidence: Its task, its cost and what else the filter judges.
         apart: Signed distance of every foothold but the given first ones to every line
             (n, 4, N̄_p) in m, positive beyond the line.
         reach: Furthest that a standing foot is ahead of neutral or behind it (m).
@@ -56,12 +54,10 @@ class Walk:
 
     group: str
     index: int
-    status: str
     iterations: int
     cpu_s: float
-    cost: float
-    distance: float
     reasons: tuple[str, ...]
+    evidence: Evidence
     apart: Array
     reach: float
     violation: float
@@ -71,7 +67,18 @@ class Walk:
     @property
     def converged(self) -> bool:
         """Whether the solver converged."""
-        return self.status == Status.CONVERGED
+        return self.evidence.converged
+
+    @property
+    def cost(self) -> float:
+        """Its cost."""
+        return self.evidence.cost
+
+    @property
+    def distance(self) -> float:
+        """From start to goal (m)."""
+        task = self.evidence.task
+        return float(np.linalg.norm(task.goal_pose_W[:2] - task.start_pose_W[:2]))
 
     @property
     def accepted(self) -> bool:
@@ -89,29 +96,36 @@ def solve(expert: Expert, group: Group, index: int) -> Walk:
     rng = stream(SEED, Purpose.TASK, index)
     task = sample_task(group.tasks, group.robot, rng)
     noise = sample_noise(group.tasks, group.settings.scope.n_swings, rng)
-    solution = expert.solve(task, noise)
-    thresholds = QualityThresholds(judge_cost=group.judge_cost)
-    found = measure(solution.trajectory, group.robot, task.obstacles_W)
-    expected = expected_cost(task, group.robot, group.settings.cost_key(group.robot), thresholds)
-    verdict = judge(solution.status, solution.cost, expected, found, thresholds, solution.saturated)
+    solution, evidence = solve_task(expert, task, noise)
     motion = sampled(solution.trajectory, SAMPLE_STEP)
     # Lines are directed to the left of the path, so the side beyond them has negative distance.
     apart = -signed_distance(task.obstacles_W[:, None, None], solution.trajectory.footholds[:, 1:])
     return Walk(
         group=group.name,
         index=index,
-        status=str(solution.status),
         iterations=solution.iterations,
         cpu_s=solution.solve_cpu_s,
-        cost=solution.cost,
-        distance=float(np.linalg.norm(task.goal_pose_W[:2] - task.start_pose_W[:2])),
-        reasons=verdict.reasons,
+        reasons=(),
+        evidence=evidence,
         apart=apart,
         reach=float(np.nanmax(np.abs(forward_offset(motion, group.robot)))),
         violation=float(np.nanmean(forward_violation(motion, group.robot, LIMIT))),
-        overshoot=found.stance_overshoot,
+        overshoot=evidence.figures["stance_overshoot"],
         compiled=expert.compiled,
     )
+
+
+def judged(walks: Iterable[Walk], groups: Iterable[Group]) -> list[Walk]:
+    """The same with the filter's present reasons."""
+    by_name = {group.name: group for group in groups}
+    found = []
+    for walk in walks:
+        group = by_name[walk.group]
+        thresholds = QualityThresholds(judge_cost=group.judge_cost)
+        key = group.settings.cost_key(group.robot)
+        reasons = walk.evidence.reasons(group.robot, key, thresholds)
+        found.append(replace(walk, reasons=reasons))
+    return found
 
 
 def solve_groups(
@@ -145,17 +159,23 @@ def solve_groups(
 
 
 def write(path: Path, made: Circumstances, groups: Iterable[Group], walks: Sequence[Walk]) -> None:
-    """Keep walks in a file, under what made them; lengths to a tenth of a millimetre."""
-    rows = [
-        asdict(replace(walk, apart=np.round(walk.apart, 4).tolist()))  # JSON knows no arrays
-        for walk in walks
-    ]
+    """Keep walks in a file, under what made them and without the filter's verdict.
+
+    Distances to lines are kept to a tenth of a millimetre.
+    """
+    rows = []
+    for walk in walks:
+        row = {f.name: getattr(walk, f.name) for f in fields(walk) if f.name != "reasons"}
+        row["evidence"] = walk.evidence.as_row()
+        rows.append(row | {"apart": np.round(walk.apart, 4).tolist()})
     keys = {group.name: group.key for group in groups}
     write_rows(path, {"circumstances": asdict(made), "groups": keys}, rows)
 
 
 def read(path: Path, groups: Iterable[Group]) -> tuple[Circumstances, list[Walk]]:
-    """What made the walks that :func:`write` kept, and those of groups that are still the same.
+    """What made the walks that :func:`write` kept, and those of groups that are the same.
+
+    They are not judged yet.
 
     Raises:
         DataError: There is no such file, or it does not tell.
@@ -163,8 +183,9 @@ def read(path: Path, groups: Iterable[Group]) -> tuple[Circumstances, list[Walk]
     head, rows = read_rows(path, "obstacles")
     same = {group.name for group in groups if head.get("groups", {}).get(group.name) == group.key}
     made = made_by(head, "obstacles")
-    return made, [
-        Walk(**row | {"reasons": tuple(row["reasons"]), "apart": np.array(row["apart"])})
-        for row in rows
-        if row["group"] in same
-    ]
+    return made, [_walk(row) for row in rows if row["group"] in same]
+
+
+def _walk(row: Row) -> Walk:
+    kept = {"evidence": Evidence.from_row(row["evidence"]), "apart": np.array(row["apart"])}
+    return Walk(**row | kept | {"reasons": ()})

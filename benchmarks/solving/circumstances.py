@@ -12,6 +12,7 @@ import casadi as ca
 
 import lmtr
 from lmtr.errors import DataError
+from lmtr.quality.filter import QualityThresholds
 from pipelines.config import Configuration, fingerprint
 from pipelines.provenance import code_version
 
@@ -21,7 +22,7 @@ SOURCES = (
 )
 """Modules and packages of ``lmtr`` that decide what a solve comes to and how it is judged."""
 
-JUDGEMENT = ("quality/cost_model.py", "quality/filter.py")
+JUDGEMENT = ("quality/cost_model.py", "quality/filter.py", "quality/rules.py")
 """Those that decide no more than which solves are accepted."""
 
 
@@ -91,6 +92,11 @@ def sections(config: Configuration) -> dict[str, object]:
         "expert": config.expert,
         "quality": config.quality,
     }
+
+
+def verdict_by(thresholds: QualityThresholds) -> dict[str, str]:
+    """By which code and thresholds solves that were kept without a verdict are judged."""
+    return {"code": code_version(), "quality": fingerprint(thresholds)}
 
 
 def sources(without: Iterable[str] = ()) -> str:

@@ -7,6 +7,7 @@ from rich.console import Console
 from lmtr.expert.settings import ExpertSettings
 from lmtr.expert.solve import Expert
 from lmtr.robot.model import RobotModel
+from pipelines.expert import told
 from services.cache import machine_cache
 
 
@@ -19,15 +20,10 @@ def ready_expert(
         robot: The robot.
         settings: Its settings.
         cache: Folder of compiled problems; none for that of this machine.
-        console: Where it is said why an expert runs interpreted, which takes some four times
-            longer.
+        console: Where it is said how the expert came to be, above all why it runs interpreted.
     """
-    expert = Expert(robot, settings, machine_cache(cache))
-    if not expert.compiled:
-        console.print(
-            f"the expert runs interpreted, times are no figures of it: "
-            f"{expert.build_report.reason}",
-            markup=False,
-            soft_wrap=True,
-        )
+    folder = machine_cache(cache)
+    expert = Expert(robot, settings, folder)
+    if said := told(expert.build_report, folder):
+        console.print(said, markup=False, soft_wrap=True)
     return expert

@@ -15,12 +15,13 @@ from rich.progress import track
 
 from benchmarks.kept import Row, read_rows, write_rows
 from benchmarks.solving.circumstances import Circumstances, made_by
+from benchmarks.solving.evidence import Evidence
+from benchmarks.solving.evidence import solve as solve_task
 from lmtr.arrays import Array
 from lmtr.errors import ConfigurationError, DataError
 from lmtr.expert.settings import ExpertSettings
 from lmtr.expert.solve import Expert
-from lmtr.quality.filter import QualityThresholds, expected_cost, judge
-from lmtr.quality.measure import measure
+from lmtr.quality.filter import QualityThresholds
 from lmtr.robot.model import RobotModel
 from lmtr.streams import Purpose, stream
 from lmtr.task.sampling import Noise, TaskDistribution, sample_noise, sample_task
@@ -60,33 +61,37 @@ class Walk:
         kind: Kind of the solve.
         index: Number of its task.
         draw: Number of its guess.
-        status: Outcome.
         iterations: Iterations of the solver.
         cpu_s: Processor time of the solve (s).
-        cost: Cost.
-        reasons: Why the quality filter refuses it, empty if it is accepted.
+        reasons: Why the quality filter refuses it, empty if it is accepted; see :func:`judged`.
         first: Place of the first foot after the one furthest back.
         liftoff_swaps: Pairs of lift-offs that changed order during the solve.
         window_active: Whether a contact change lies on its window.
-        obstacles_W: Lines of its task, (n, 3).
-        goal_pose_W: Its goal.
+        evidence: Its task, its cost and what else the filter judges.
         trajectory: The solution.
     """
 
     kind: str
     index: int
     draw: int
-    status: str
     iterations: int
     cpu_s: float
-    cost: float
     reasons: tuple[str, ...]
     first: int
     liftoff_swaps: int
     window_active: bool
-    obstacles_W: Array
-    goal_pose_W: Array
+    evidence: Evidence
     trajectory: Trajectory
+
+    @property
+    def cost(self) -> float:
+        """Its cost."""
+        return self.evidence.cost
+
+    @property
+    def obstacles_W(self) -> Array:
+        """Lines of its task, (n, 3)."""
+        return self.evidence.task.obstacles_W
 
     @property
     def accepted(self) -> bool:
@@ -102,7 +107,6 @@ class Study:
         robot: The robot.
         distribution: Distribution of tasks and noise.
         settings: Settings of the expert.
-        quality: Thresholds by which solutions are accepted.
         tasks: Number of tasks.
         draws: Guesses of each.
     """
@@ -110,7 +114,6 @@ class Study:
     robot: RobotModel
     distribution: TaskDistribution
     settings: ExpertSettings
-    quality: QualityThresholds
     tasks: int
     draws: int
 
@@ -171,50 +174,61 @@ def solve_all(study: Study, usual: Expert, exact: Expert) -> list[Walk]:
 
 
 def solve(study: Study, expert: Expert, kind: Kind, index: int, draw: int) -> Walk:
-    """Solve one task from one guess, and judge the solution."""
+    """Solve one task from one guess."""
     pick: Callable[[int, int], tuple[Task, Noise]] = (
         study.drawn if kind in (Kind.DRAW, Kind.STRICT) else study.nudged
     )
     task, noise = pick(index, draw)
-    solution = expert.solve(task, noise)
-    found = measure(solution.trajectory, study.robot, task.obstacles_W)
-    expected = expected_cost(task, study.robot, study.settings.cost_key(study.robot), study.quality)
-    verdict = judge(
-        solution.status, solution.cost, expected, found, study.quality, solution.saturated
-    )
+    solution, evidence = solve_task(expert, task, noise)
     return Walk(
         kind=str(kind),
         index=index,
         draw=draw,
-        status=str(solution.status),
         iterations=solution.iterations,
         cpu_s=solution.solve_cpu_s,
-        cost=solution.cost,
-        reasons=verdict.reasons,
+        reasons=(),
         first=noise.first,
         liftoff_swaps=solution.liftoff_swaps,
         window_active=solution.window_active,
-        obstacles_W=task.obstacles_W,
-        goal_pose_W=task.goal_pose_W,
+        evidence=evidence,
         trajectory=solution.trajectory,
     )
 
 
+def judged(
+    walks: Sequence[Walk],
+    robot: RobotModel,
+    settings: ExpertSettings,
+    thresholds: QualityThresholds,
+) -> list[Walk]:
+    """The same with the filter's present reasons.
+
+    Args:
+        walks: The walks.
+        robot: The robot.
+        settings: Settings of the expert.
+        thresholds: What solutions may show.
+    """
+    key = settings.cost_key(robot)
+    return [replace(w, reasons=w.evidence.reasons(robot, key, thresholds)) for w in walks]
+
+
 def write(path: Path, made: Circumstances, walks: Sequence[Walk]) -> None:
-    """Keep walks in a file, under what made them."""
+    """Keep walks in a file, under what made them and without the filter's verdict."""
     rows = []
     for walk in walks:
-        row = {f.name: getattr(walk, f.name) for f in fields(walk)}
+        row = {f.name: getattr(walk, f.name) for f in fields(walk) if f.name != "reasons"}
+        row["evidence"] = walk.evidence.as_row()
         row["trajectory"] = {
             name: np.round(array, _DIGITS).tolist()
             for name, array in asdict(walk.trajectory).items()
         }
-        rows.append(row | {name: row[name].tolist() for name in ("obstacles_W", "goal_pose_W")})
+        rows.append(row)
     write_rows(path, {"circumstances": asdict(made)}, rows)
 
 
 def read(path: Path) -> tuple[Circumstances, list[Walk]]:
-    """What made the walks that :func:`write` kept, and these.
+    """What made the walks that :func:`write` kept, and these, not judged yet.
 
     Raises:
         DataError: There are none, or of another form.
@@ -231,12 +245,5 @@ def read(path: Path) -> tuple[Circumstances, list[Walk]]:
 
 def _walk(row: Row) -> Walk:
     nodes = {name: np.array(values) for name, values in row["trajectory"].items()}
-    return Walk(
-        **row
-        | {
-            "reasons": tuple(row["reasons"]),
-            "obstacles_W": np.array(row["obstacles_W"]).reshape(-1, 3),
-            "goal_pose_W": np.array(row["goal_pose_W"]),
-            "trajectory": Trajectory(**nodes),
-        }
-    )
+    kept = {"evidence": Evidence.from_row(row["evidence"]), "trajectory": Trajectory(**nodes)}
+    return Walk(**row | kept | {"reasons": ()})

@@ -8,15 +8,17 @@ import pytest
 
 from benchmarks.diversity import as_json
 from benchmarks.solving.circumstances import circumstances
+from benchmarks.solving.evidence import Evidence
 from benchmarks.variety.character import character, differing
 from benchmarks.variety.clusters import FOOTHOLD, TIMING, distances, modes
 from benchmarks.variety.picture import contrasting, gallery, near_best, overview
-from benchmarks.variety.solves import NUDGE, Kind, Study, Walk, read, strict, write
+from benchmarks.variety.solves import NUDGE, Kind, Study, Walk, judged, read, strict, write
 from benchmarks.variety.summary import summarise, task_modes
 from lmtr.errors import ConfigurationError, DataError
 from lmtr.expert.initial_guess import initial_guess
 from lmtr.expert.settings import ExpertSettings, Scope
 from lmtr.quality.filter import QualityThresholds
+from lmtr.quality.measure import measure
 from lmtr.robot.model import ANYMAL
 from lmtr.task.sampling import Noise, TaskDistribution
 from lmtr.task.task import Task
@@ -25,7 +27,10 @@ SCOPE = Scope()
 LINES = np.array([[0.8, 0.0, np.pi / 2.0], [1.9, 0.0, np.pi / 2.0]])
 TASK = Task(np.zeros(3), ANYMAL.nominal_feet_B[:, :2], np.array([2.7, 0.0, 0.0]), LINES)
 MADE = circumstances({}, 0, 2, compiled=True)
-STUDY = Study(ANYMAL, TaskDistribution(), ExpertSettings(), QualityThresholds(), 2, 3)
+STUDY = Study(ANYMAL, TaskDistribution(), ExpertSettings(), 2, 3)
+STILL = Noise(np.zeros((3, 3)), np.zeros((4, 2 * SCOPE.n_swings)), 0)
+GUESS = initial_guess(TASK, STILL, ANYMAL, SCOPE).trajectory
+FIGURES = measure(GUESS, ANYMAL, LINES).as_dict()
 
 
 def walk(cost=1.0, draw=0, kind=Kind.DRAW, ahead=0.0, later=0.0, first=0, reasons=(), swaps=0):
@@ -39,16 +44,13 @@ def walk(cost=1.0, draw=0, kind=Kind.DRAW, ahead=0.0, later=0.0, first=0, reason
         kind=str(kind),
         index=0,
         draw=draw,
-        status="converged",
         iterations=30,
         cpu_s=0.3,
-        cost=cost,
         reasons=reasons,
         first=first,
         liftoff_swaps=swaps,
         window_active=False,
-        obstacles_W=LINES,
-        goal_pose_W=TASK.goal_pose_W,
+        evidence=Evidence(TASK, "converged", cost, (), FIGURES),
         trajectory=replace(trajectory, footholds=placed),
     )
 
@@ -155,9 +157,8 @@ def test_walks_are_kept_as_they_were(walks, tmp_path):
     write(tmp_path / "solves.json", MADE, walks)
     made, again = read(tmp_path / "solves.json")
     assert made == MADE
-    assert [(w.kind, w.cost, w.reasons, w.first) for w in again] == [
-        (w.kind, w.cost, w.reasons, w.first) for w in walks
-    ]
+    assert [(w.kind, w.cost, w.first) for w in again] == [(w.kind, w.cost, w.first) for w in walks]
+    np.testing.assert_array_equal(again[0].obstacles_W, LINES)
     np.testing.assert_allclose(
         again[3].trajectory.footholds, walks[3].trajectory.footholds, atol=1e-6
     )
@@ -166,6 +167,19 @@ def test_walks_are_kept_as_they_were(walks, tmp_path):
     )
     with pytest.raises(DataError, match="of another form"):
         read(tmp_path / "other.json")
+
+
+def test_kept_walks_are_judged_by_the_present_thresholds():
+    settings = ExpertSettings()
+    walks = [walk(), replace(walk(), evidence=Evidence(TASK, "diverged", 1.0, ("tilt",), FIGURES))]
+    lenient = QualityThresholds(obstacle_clearance=0.0, judge_cost=False)
+    fine, failed = judged(walks, ANYMAL, settings, lenient)
+    assert {"not_converged:diverged", "saturated:tilt"} <= set(failed.reasons)
+    assert not {"not_converged:diverged", "saturated:tilt", "cost"} & set(fine.reasons)
+    # Figures of a guess, whose feet come as near to lines as they like.
+    (again,) = judged(walks[:1], ANYMAL, settings, QualityThresholds(obstacle_clearance=1.0))
+    assert "obstacle" in again.reasons
+    assert "obstacle" not in fine.reasons
 
 
 def test_draws_share_their_task_and_a_nudge_is_small():

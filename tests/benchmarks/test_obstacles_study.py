@@ -24,6 +24,7 @@ from benchmarks.footholds.tables import tables
 from benchmarks.kept import read_rows, write_rows
 from benchmarks.obstacles import require_all
 from benchmarks.solving.circumstances import circumstances
+from benchmarks.solving.evidence import Evidence
 from lmtr.errors import DataError
 from lmtr.robot.model import ANYMAL
 from lmtr.task.sampling import TaskDistribution
@@ -33,9 +34,16 @@ N_SWINGS = 3
 MADE = circumstances({}, 0, 10, compiled=True)
 
 
-def walk(group, index=0, apart=None, **changes):
+def walk(group, index=0, apart=None, status="converged", cost=3.0, distance=2.5, **changes):
     apart = np.full((2, 4, N_SWINGS), 0.3) if apart is None else apart
-    sound = Walk(group, index, "converged", 40, 0.4, 3.0, 2.5, (), apart, 0.15, 0.0, 0.002, True)
+    task = Task(
+        start_pose_W=np.zeros(3),
+        start_feet_W=ANYMAL.nominal_feet_B[:, :2],
+        goal_pose_W=np.array([distance, 0.0, 0.0]),
+        obstacles_W=np.array([[1.0, 0.0, np.pi / 2]]),
+    )
+    evidence = Evidence(task, status, cost, (), {})
+    sound = Walk(group, index, 40, 0.4, (), evidence, apart, 0.15, 0.0, 0.002, True)
     return replace(sound, **changes)
 
 
@@ -100,7 +108,8 @@ def test_walks_come_back_unless_their_group_has_changed(tmp_path):
     made, back = read(path, [first, second])
     assert made == MADE
     assert [w.group for w in back] == [first.name, second.name]
-    assert back[0].reasons == ("obstacle",)
+    assert back[0].reasons == ()  # verdicts are not kept
+    assert (back[0].cost, back[0].distance) == (3.0, 2.5)
     np.testing.assert_allclose(back[0].apart, apart, atol=5e-5)
     other = replace(second, tasks=TaskDistribution(goal_lateral=0.1))
     assert [w.group for w in read(path, [first, other])[1]] == [first.name]
