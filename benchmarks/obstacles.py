@@ -43,6 +43,8 @@ IMAGES = ROOT / "docs" / "images"
 RECORD = ROOT / "benchmarks" / "results" / "obstacles.json"
 
 console = Console()
+if not console.is_terminal:
+    console = Console(width=200)  # in a file or a pipe nothing needs to be cut
 
 
 def main(

@@ -21,6 +21,7 @@ from benchmarks.solving.rows import count_reasons
 from lmtr.arrays import Array
 from lmtr.geometry.line import signed_distance
 from lmtr.geometry.se2 import SE2
+from lmtr.quality.rules import COST
 from lmtr.robot.model import ANYMAL, FEET
 from lmtr.streams import Purpose, stream
 from lmtr.task.sampling import TaskDistribution, sample_task
@@ -90,6 +91,7 @@ def _outcome(walks: Sequence[Walk]) -> Summary:
         "tasks": len(walks),
         "converged": float(np.mean([walk.converged for walk in walks])),
         "accepted": _share_accepted(walks),
+        "accepted_but_for_cost": float(np.mean([set(w.reasons) <= {COST} for w in walks])),
         "reasons": {
             reason: count
             for reason, (count, _) in count_reasons([{"reasons": w.reasons} for w in walks]).items()

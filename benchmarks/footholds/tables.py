@@ -40,7 +40,7 @@ def _families(families: Summary) -> Table:
     table = _table(
         "Tasks among lines, by potential (weight, σ)",
         *("family", "potential", "converged %", "accepted %", "CPU s", "iterations", "cost"),
-        "refused for",
+        *("accepted but for cost %", "refused for"),
     )
     for family, by_potential in families.items():
         for potential, found in by_potential.items():
@@ -50,6 +50,7 @@ def _families(families: Summary) -> Table:
                 family,
                 potential,
                 *_outcome(found, NOTHING if blind else _percent(found["accepted"])),
+                NOTHING if blind else _percent(found["accepted_but_for_cost"]),
                 NOTHING if blind else _reasons(found),
             )
     return table
