@@ -120,12 +120,16 @@ def test_items_are_taken_only_when_a_worker_is_free(cluster):
     stream.close()
 
 
-def test_two_workers_are_two_single_threaded_processes_made_once(two):
+def test_two_workers_are_two_single_threaded_processes_made_once(two, tmp_path):
     def make():
         calls = itertools.count()
 
         def work(item):
-            time.sleep(0.02)
+            # The first to come waits for the other, however slowly that starts.
+            (tmp_path / str(os.getpid())).touch()
+            patience = time.monotonic() + 60.0
+            while len(list(tmp_path.iterdir())) < 2 and time.monotonic() < patience:
+                time.sleep(0.02)
             names = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
             return os.getpid(), next(calls), [os.environ[name] for name in names]
 
