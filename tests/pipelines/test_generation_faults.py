@@ -18,7 +18,7 @@ NUMBERS = ["index", "status", "accepted", "reject_reasons", "cost", "iterations"
            "footholds", "swing_nodes", "force_nodes"]  # fmt: skip
 
 
-COUNT = 16
+COUNT = 48
 """Solutions: enough that a driver is still at work after its first commit."""
 
 
@@ -69,7 +69,7 @@ def test_a_stopped_driver_is_continued_without_a_lost_or_doubled_row(
     driver = generate(tiny_config, home, *options, log=True)
     while not committed(home):
         assert driver.poll() is None, "the driver ended before it committed anything"
-        time.sleep(0.1)
+        time.sleep(0.02)
     os.killpg(driver.pid, fault)
     _, said = driver.communicate(timeout=60)
     assert driver.returncode == (130 if fault is signal.SIGINT else -fault)
