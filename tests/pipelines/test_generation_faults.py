@@ -18,7 +18,7 @@ NUMBERS = ["index", "status", "accepted", "reject_reasons", "cost", "iterations"
            "footholds", "swing_nodes", "force_nodes"]  # fmt: skip
 
 
-COUNT = 48
+COUNT = 160
 """Solutions: enough that a driver is still at work after its first commit."""
 
 
