@@ -98,7 +98,7 @@ def solution_columns(
         "iterations": solution.iterations,
         "solve_cpu_s": solution.solve_cpu_s,
         "liftoff_swaps": solution.liftoff_swaps,
-        "window_active": solution.window_active,
+        "saturated": list(solution.saturated),
         "gait_order": list(solution.order),
         "guess_footholds": solution.guess.footholds.ravel().tolist(),
         **trajectory_columns(solution.trajectory),

@@ -15,6 +15,7 @@ from pipelines.datasets import configuration_of
 from pipelines.progress import bar, say
 from pipelines.provenance import code_version
 from pipelines.workspace import Workspace
+from services.lake.digest import sealed
 from services.lake.schemas import SCHEMAS
 
 BATCH_SOLUTIONS = 50
@@ -130,7 +131,8 @@ def _table(
         "x": _vectors(segments.x, schema.field("x").type),
         "tau": _vectors(segments.tau, schema.field("tau").type),
     }
-    return pa.table([columns[name] for name in schema.names], schema=schema)
+    unsealed = pa.schema([schema.field(name) for name in columns])
+    return sealed("segments", pa.table(list(columns.values()), schema=unsealed))
 
 
 def _vectors(array: np.ndarray, kind: pa.DataType) -> pa.Array:

@@ -38,6 +38,12 @@ CREATED_AT = column("created_at", TIME, "when the row was made, UTC")
 RUN_ID = column("mlflow_run_id", TEXT, "run of the experiment tracker")
 SEED = column("seed", pa.int64(), "seed of everything random in the row")
 OBSTACLES = column("obstacles", REALS, "obstacle lines x, y, α, (n, 3)", unit="m, rad", frame="W")
+DIGEST = column(
+    "digest",
+    TEXT,
+    "of identity and numbers, taken where the row was made; services/lake/digest.py",
+    nullable=True,
+)
 SEGMENTS_VERSION = column("segments_version", pa.int64(), "version of table segments that was read")
 
 DATASETS = (
@@ -66,6 +72,7 @@ _VERDICT = (
     column(
         "gait_order", pa.list_(pa.int8()), "feet in the order of their first swings", nullable=True
     ),
+    column("saturated", pa.list_(TEXT), "limits that the solution lies on", nullable=True),
 )
 
 _TASK = (
@@ -131,6 +138,7 @@ SOLUTIONS = (
     CODE_VERSION,
     column("config_hash", TEXT, "digest of the settings"),
     CREATED_AT,
+    DIGEST,
 )
 
 CUTS = (
@@ -153,6 +161,7 @@ SEGMENTS = (
     column(
         "tau", pa.list_(pa.float32(), SEGMENT_SIZE), "segment vector; datasets.layouts", frame="S"
     ),
+    DIGEST,
 )
 
 MODELS = (
@@ -243,9 +252,9 @@ def _schema(name: str, version: int, columns: tuple[pa.Field, ...]) -> pa.Schema
 
 SCHEMAS: dict[str, pa.Schema] = {
     "datasets": _schema("datasets", 1, DATASETS),
-    "solutions": _schema("solutions", 1, SOLUTIONS),
+    "solutions": _schema("solutions", 2, SOLUTIONS),
     "cuts": _schema("cuts", 1, CUTS),
-    "segments": _schema("segments", 1, SEGMENTS),
+    "segments": _schema("segments", 2, SEGMENTS),
     "models": _schema("models", 1, MODELS),
     "evaluations": _schema("evaluations", 1, EVALUATIONS),
     "rollouts": _schema("rollouts", 1, ROLLOUTS),
@@ -264,6 +273,17 @@ IDENTITY: dict[str, tuple[str, ...]] = {
 
 FINITE: dict[str, tuple[str, ...]] = {"segments": ("x", "tau")}
 """Columns that must hold no NaN and no infinity: one would spoil a whole training."""
+
+UNDIGESTED = frozenset(
+    {"digest", "created_at", "code_version", "solve_cpu_s", "message", "mlflow_run_id"}
+)
+"""Columns that a row's digest leaves out: they differ where the same was done twice."""
+
+ADDED: dict[str, dict[int, tuple[str, ...]]] = {
+    "solutions": {2: ("saturated", "digest")},
+    "segments": {2: ("digest",)},
+}
+"""Columns that a version of a table's schema added to the one before, all nullable."""
 
 MADE_BY: dict[str, str] = {
     "datasets": "lmtr generate",

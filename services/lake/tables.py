@@ -4,7 +4,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeAlias
-from urllib.parse import unquote
 
 import duckdb
 import pyarrow as pa
@@ -16,6 +15,7 @@ from services.errors import LakeError
 from services.lake.checks import conform
 from services.lake.sandbox import absent, evaluated
 from services.lake.schemas import SCHEMAS, version_of
+from services.lake.storage import Storage
 
 COMMIT_RETRIES = 50
 """How often delta-rs itself tries a commit that another writer was quicker with."""
@@ -35,20 +35,17 @@ Value: TypeAlias = Any
 
 
 class Lake:
-    """The tables below one folder; made when they are first appended to.
+    """The tables at one place; made when they are first appended to.
 
     Appends are atomic and idempotent: every batch is a transaction ``(app_id, number)`` of its
     table, whole or not there at all, and never there twice.
+
+    Attributes:
+        storage: Where the tables lie.
     """
 
-    def __init__(self, folder: Path) -> None:
-        # delta-rs takes %XX in a path for an escape and then looks in another folder.
-        if unquote(str(folder)) != str(folder):
-            raise LakeError(
-                f"lake {folder}: its path must hold no '%' before two hexadecimal digits; "
-                "choose another folder"
-            )
-        self.folder = folder
+    def __init__(self, place: Path | str | Storage) -> None:
+        self.storage = Storage.at(place)
 
     def tables(self) -> list[str]:
         """Names of the tables that are there."""
@@ -56,19 +53,19 @@ class Lake:
 
     def exists(self, table: str) -> bool:
         """Whether a table is there."""
-        return DeltaTable.is_deltatable(str(self._path(table)))
+        return DeltaTable.is_deltatable(self.uri(table), self._options)
 
     def version(self, table: str) -> int:
         """Present version of a table; every append raises it."""
-        return self._open(table).version()
+        return self.delta(table).version()
 
     def history(self, table: str) -> list[dict[str, Any]]:
         """The commits of a table, newest first."""
-        return self._open(table).history()
+        return self.delta(table).history()
 
     def last_transaction(self, table: str, app_id: str) -> int | None:
         """Number of the last transaction of ``app_id``, or None before its first."""
-        return self._open(table).transaction_version(app_id) if self.exists(table) else None
+        return self.delta(table).transaction_version(app_id) if self.exists(table) else None
 
     def append(self, table: str, rows: pa.Table, *, app_id: str, number: int) -> bool:
         """Append a batch as transaction ``number`` of ``app_id``.
@@ -85,7 +82,6 @@ class Lake:
         Raises:
             LakeError: The rows break the schema, or the table cannot be written.
         """
-        self._path(table)
         checked, transaction = conform(table, rows), Transaction(app_id, number)
         try:
             for _ in range(CONFLICT_RETRIES):
@@ -175,7 +171,7 @@ class Lake:
         Old files stay, so that every version can still be read.
         """
         try:
-            delta = self._open(table)
+            delta = self.delta(table)
             delta.optimize.compact(
                 commit_properties=CommitProperties(max_commit_retries=COMMIT_RETRIES)
             )
@@ -195,14 +191,29 @@ class Lake:
         write_deltalake(delta, rows, mode="append", commit_properties=properties)
         return True
 
-    def _path(self, table: str) -> Path:
+    def uri(self, table: str) -> str:
+        """Path or address of a table.
+
+        Raises:
+            LakeError: No table has that name.
+        """
         if table not in SCHEMAS:
             raise LakeError(f"lake: no table is called {table!r}; choose of {', '.join(SCHEMAS)}")
-        return self.folder / table
+        return self.storage.table(table)
 
-    def _open(self, table: str, version: int | None = None) -> DeltaTable:
+    @property
+    def _options(self) -> dict[str, str] | None:
+        return dict(self.storage.options) or None
+
+    def delta(self, table: str, version: int | None = None) -> DeltaTable:
+        """The table as delta-rs has it, in its present or an earlier version.
+
+        Raises:
+            LakeError: The table or the version is missing, cannot be read, or is of a schema that
+                this LMTR does not know.
+        """
         try:
-            delta = DeltaTable(str(self._path(table)))
+            delta = DeltaTable(self.uri(table), storage_options=self._options)
             latest = delta.version()
             if version is not None and not 0 <= version <= latest:
                 raise LakeError(
@@ -215,7 +226,7 @@ class Lake:
         except (DeltaError, OSError) as error:
             raise LakeError(
                 f"table {table!r} cannot be read: {_line(error)}; check the files in "
-                f"{self._path(table)}"
+                f"{self.uri(table)}"
             ) from error
         _require_known(table, delta)
         return delta
@@ -223,16 +234,18 @@ class Lake:
     def _open_or_create(self, table: str) -> DeltaTable:
         if not self.exists(table):
             schema = SCHEMAS[table]
-            self._path(table).mkdir(parents=True, exist_ok=True)
+            if not self.storage.is_remote:
+                (self.storage.folder / table).mkdir(parents=True, exist_ok=True)
             DeltaTable.create(
-                str(self._path(table)),
+                self.uri(table),
                 schema,
                 mode="ignore",
                 name=table,
                 configuration={VERSION_KEY: version_of(schema), **KEEP_LOG},
+                storage_options=self._options,
                 raise_if_key_not_exists=False,
             )
-        return self._open(table)
+        return self.delta(table)
 
     @contextmanager
     def _selected(
@@ -258,10 +271,10 @@ class Lake:
         return (self.views() if asked else {}) | {table: self._dataset(table, version)}
 
     def _dataset(self, table: str, version: int | None) -> pads.Dataset:
-        return self._open(table, version).to_pyarrow_dataset()
+        return self.delta(table, version).to_pyarrow_dataset()
 
     def _chosen(self, table: str, columns: Sequence[str] | None) -> pa.Schema:
-        self._path(table)
+        self.uri(table)
         schema = SCHEMAS[table]
         if columns is None:
             return schema
@@ -275,7 +288,7 @@ class Lake:
     def _unwritable(self, table: str, error: Exception) -> LakeError:
         return LakeError(
             f"table {table!r} cannot be written: {_line(error)}; check space and permissions of "
-            f"{self._path(table)}"
+            f"{self.uri(table)}"
         )
 
 

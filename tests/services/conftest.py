@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
+from services.lake.digest import sealed
 from services.lake.schemas import SCHEMAS, SEGMENT_SIZE, TASK_SIZE
 from services.lake.tables import Lake
 
@@ -49,7 +50,8 @@ def make_segments(x: np.ndarray, tau: np.ndarray) -> pa.Table:
         "x": _vectors(x, TASK_SIZE),
         "tau": _vectors(tau, SEGMENT_SIZE),
     }
-    return pa.table(rows, schema=SCHEMAS["segments"])
+    schema = pa.schema([field for field in SCHEMAS["segments"] if field.name != "digest"])
+    return sealed("segments", pa.table(rows, schema=schema))
 
 
 def _vectors(array: np.ndarray, size: int) -> pa.Array:

@@ -192,7 +192,7 @@ def test_a_folder_that_delta_would_mistake_is_refused():
 
 def test_a_table_of_another_schema_version_is_not_touched(lake, datasets):
     lake.append("datasets", datasets(["a"]), app_id="x", number=1)
-    log = min((lake.folder / "datasets" / "_delta_log").glob("*.json"))
+    log = min((lake.storage.folder / "datasets" / "_delta_log").glob("*.json"))
     written = log.read_text()
     assert '"lmtr.schemaVersion":"1"' in written
     log.write_text(written.replace('"lmtr.schemaVersion":"1"', '"lmtr.schemaVersion":"9"'))
