@@ -1,10 +1,18 @@
 """Which data set a command means, and what the lake says of it."""
 
 import json
+from collections.abc import Iterator, Mapping
+from typing import Any
 
-from lmtr.errors import DataError
+from lmtr.errors import ConfigurationError, DataError
 from pipelines.config import Configuration, parse
+from pipelines.progress import say
 from pipelines.workspace import Workspace
+
+DECIDING = ("dataset", "tasks", "expert", "quality")
+"""Sections of a configuration that decide the rows of a data set."""
+
+SHOWN_DIFFERENCES = 8
 
 
 def resolve(workspace: Workspace, dataset_id: str | None, preferred: str | None = None) -> str:
@@ -31,3 +39,77 @@ def configuration_of(workspace: Workspace, dataset_id: str) -> Configuration:
         "datasets", ["configuration"], where=f"dataset_id = '{dataset_id}'"
     ).to_pylist()
     return parse(json.loads(rows[0]["configuration"]))
+
+
+def require_same(
+    config: Configuration, workspace: Workspace, dataset_id: str | None = None
+) -> None:
+    """Refuse to put rows of other settings into a data set that is there.
+
+    Args:
+        config: The settings that rows would be made with.
+        workspace: The home.
+        dataset_id: The data set they would go to; the configuration's own by default.
+
+    Raises:
+        ConfigurationError: It was made with other settings; the message says which.
+    """
+    wanted = dataset_id or config.dataset_id
+    recorded = _recorded(workspace).get(wanted)
+    if recorded is None:
+        return
+    differing = list(_differences(recorded, _deciding(config)))
+    if differing or wanted != config.dataset_id:
+        what = _listed(differing) or "the version of LMTR"
+        raise ConfigurationError(
+            f"data set {wanted!r} was made with other settings: {what}; use those, or leave its "
+            "name out and make another data set"
+        )
+
+
+def announce(config: Configuration, workspace: Workspace) -> None:
+    """Say how a new data set differs from the last one of its name and seed."""
+    recorded = _recorded(workspace)
+    prefix = config.dataset_id.rpartition("-")[0]
+    siblings = [name for name in recorded if name.rpartition("-")[0] == prefix]
+    if config.dataset_id in recorded or not siblings:
+        return
+    differing = list(_differences(recorded[siblings[-1]], _deciding(config)))
+    what = _listed(differing) or "the version of LMTR"
+    say(f"generate: {config.dataset_id} is new; it differs from {siblings[-1]} in {what}")
+
+
+def _recorded(workspace: Workspace) -> dict[str, Mapping[str, Any]]:
+    """Settings of all data sets by their ids, oldest first."""
+    if not workspace.lake.exists("datasets"):
+        return {}
+    rows = workspace.lake.read(
+        "datasets", ["dataset_id", "configuration", "created_at"], order_by="created_at"
+    ).to_pylist()
+    return {row["dataset_id"]: json.loads(row["configuration"]) for row in rows}
+
+
+def _deciding(config: Configuration) -> Mapping[str, Any]:
+    plain: Mapping[str, Any] = json.loads(config.model_dump_json(include=set(DECIDING)))
+    return plain
+
+
+def _differences(old: object, new: object, path: str = "") -> Iterator[str]:
+    """Settings that differ, as ``key: old → new``, but for how many solutions are asked for."""
+    if path == "dataset.solutions" or old == new:
+        return
+    if not (isinstance(old, Mapping) and isinstance(new, Mapping)):
+        yield f"{path}: {_short(old)} → {_short(new)}"
+        return
+    for key in sorted(old.keys() | new.keys()):
+        below = f"{path}.{key}" if path else str(key)
+        yield from _differences(old.get(key), new.get(key), below)
+
+
+def _listed(differing: list[str]) -> str:
+    more = len(differing) - SHOWN_DIFFERENCES
+    return ", ".join(differing[:SHOWN_DIFFERENCES]) + (f" and {more} more" if more > 0 else "")
+
+
+def _short(value: object) -> str:
+    return json.dumps(value) if value is not None else "none"

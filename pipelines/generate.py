@@ -1,12 +1,13 @@
 """Stage 1: solve tasks on workers, judge the solutions, append them to the lake."""
 
 import functools
-import time
-from collections import Counter
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+import pyarrow as pa
 
 from lmtr.errors import TaskError
+from lmtr.expert.solve import Expert, Solution
 from lmtr.quality.filter import expected_cost, judge
 from lmtr.quality.measure import measure
 from lmtr.streams import Purpose, stream
@@ -15,22 +16,41 @@ from lmtr.task.task import Task
 from lmtr.vectors.layout import SEGMENT_LAYOUT, TASK_LAYOUT
 from pipelines import records
 from pipelines.config import Configuration
+from pipelines.datasets import DECIDING, announce, require_same
 from pipelines.expert import build_expert, told
-from pipelines.progress import bar, say
+from pipelines.generation_log import generation_log
+from pipelines.generation_tally import GenerationTally
+from pipelines.production import Plan, produce
+from pipelines.progress import say
 from pipelines.provenance import code_version
 from pipelines.workspace import Workspace
 from services.cache import machine_cache
+from services.cluster.delivery import Note
+from services.lake.appender import Appender, Group
+from services.lake.digest import sealed
+from services.lake.schemas import SCHEMAS
+
+
+class Solver(Protocol):
+    """What solves tasks: the expert, or something as good for a test of scale."""
+
+    def solve(self, task: Task, noise: Noise) -> Solution:
+        """Optimize from the noisy initial guess."""
+        ...
+
+
+MakeExpert = Callable[[Configuration], Solver]
 
 
 class SolveWorker:
     """Solves and judges tasks by index; one per process, so the compiled expert is loaded once."""
 
-    def __init__(self, config: Configuration) -> None:
+    def __init__(self, config: Configuration, make_expert: MakeExpert = build_expert) -> None:
         self._config = config
-        self._expert = build_expert(config)
+        self._expert = make_expert(config)
 
-    def __call__(self, index: int) -> records.Row:
-        """The row of ``solutions`` for the task of this index."""
+    def __call__(self, index: int) -> tuple[records.Row, Note]:
+        """The row of ``solutions`` for the task of this index, and what is counted of it."""
         config, robot = self._config, self._config.dataset.robot
         task, noise = drawn(config, index)
         solution = self._expert.solve(task, noise)
@@ -44,11 +64,17 @@ class SolveWorker:
             config.quality,
             solution.saturated,
         )
-        return {
+        row = {
             **identity(config, index),
             **records.task_columns(task, noise),
             **records.solution_columns(solution, verdict, violations, expected),
         }
+        return row, records.solution_note(row)
+
+    @staticmethod
+    def pack(rows: Sequence[records.Row]) -> pa.Table:
+        """Rows as a table, each with its digest."""
+        return sealed("solutions", pa.Table.from_pylist(list(rows), schema=SCHEMAS["solutions"]))
 
 
 def drawn(config: Configuration, index: int) -> tuple[Task, Noise]:
@@ -69,57 +95,77 @@ def identity(config: Configuration, index: int) -> records.Row:
     }
 
 
-def generate(config: Configuration, workspace: Workspace) -> str:
-    """Solve what the data set still lacks; returns its id. Committed rows survive any stop."""
+def generate(
+    config: Configuration, workspace: Workspace, make_expert: MakeExpert = build_expert
+) -> str:
+    """Solve what the data set still lacks; returns its id. Committed rows survive any stop.
+
+    Args:
+        config: Which data set, and how it is made.
+        workspace: The home.
+        make_expert: Makes what solves tasks in each worker; travels by pickle.
+
+    Raises:
+        ConfigurationError: The data set is there, made with other settings.
+        KeyboardInterrupt: The user stopped it; what was solved is kept.
+    """
     dataset_id, lake = config.dataset_id, workspace.lake
     with workspace.home.lock(f"generate-{dataset_id}"):
-        present = _present(workspace, dataset_id)
-        missing = [i for i in range(config.dataset.solutions) if i not in present]
-        if not missing:
-            say(f"generate: {dataset_id} has {len(present)} solutions already, nothing to do")
+        require_same(config, workspace)
+        present = len(Appender(lake, _group(dataset_id)).present())
+        if present >= config.dataset.solutions:
+            say(f"generate: {dataset_id} has {present} solutions already, nothing to do")
             return dataset_id
-        _prepare_expert(config)
+        _prepare_expert(config, make_expert)
+        announce(config, workspace)
         _register(config, workspace)  # only what can be solved becomes a data set
-        writer = _Writer(workspace, dataset_id)
-        with bar("Solving tasks", len(missing)) as progress:
-            try:
-                for row in _solve(config, workspace, missing):
-                    writer.add(row)
-                    progress.advance(note=writer.summary())
-            finally:
-                # A stop of any kind keeps what is solved.
-                writer.flush()
+        tally = GenerationTally(dataset_id)
+        with generation_log(config, workspace, tally) as logged:
+            complete = produce(workspace, _plan(config, make_expert), logged)
         lake.compact("solutions")
+    say(f"generate: {dataset_id}: {tally.words()}; table version {lake.version('solutions')}")
+    if not complete:
+        kept = len(Appender(lake, _group(dataset_id)).present())
         say(
-            f"generate: {dataset_id}: {writer.summary()}; table version {lake.version('solutions')}"
+            f"generate: stopped with {kept} of {config.dataset.solutions} solutions; "
+            "run the same command to go on"
         )
+        raise KeyboardInterrupt
     return dataset_id
 
 
-def _solve(
-    config: Configuration, workspace: Workspace, missing: list[int]
-) -> Iterator[records.Row]:
-    make_worker = functools.partial(SolveWorker, config)
-    with workspace.cluster(len(missing)) as cluster:
-        for outcome in cluster.stream(make_worker, missing):
-            if outcome.error is None:
-                yield outcome.value
-            else:
-                yield _failed(config, outcome.item, outcome.error)
+def _group(dataset_id: str) -> Group:
+    """The rows of a data set."""
+    return Group("solutions", {"dataset_id": dataset_id}, "index")
 
 
-def _failed(config: Configuration, index: int, error: str) -> records.Row:
+def _plan(config: Configuration, make_expert: MakeExpert) -> Plan[int]:
+    return Plan(
+        title="Solving tasks",
+        group=_group(config.dataset_id),
+        keys=range(config.dataset.solutions),
+        items=iter,
+        make_worker=functools.partial(SolveWorker, config, make_expert),
+        failed=functools.partial(_failed, config),
+    )
+
+
+def _failed(config: Configuration, index: int, error: str) -> tuple[pa.Table, Note]:
     """The row of a task whose work failed outside the optimizer; nothing was solved."""
     try:
         posed = records.task_columns(*drawn(config, index))
     except TaskError:  # drawing it is what failed
         posed = {}
-    return {**identity(config, index), **posed, **records.error_columns(error)}
+    row = {**identity(config, index), **posed, **records.error_columns(error)}
+    return SolveWorker.pack([row]), records.solution_note(row)
 
 
-def _prepare_expert(config: Configuration) -> None:
+def _prepare_expert(config: Configuration, make_expert: MakeExpert) -> None:
     """Compile the expert before the workers start, so that they find it in the cache."""
-    news = told(build_expert(config).build_report, machine_cache(config.cluster.cache))
+    expert = make_expert(config)
+    if not isinstance(expert, Expert):
+        return
+    news = told(expert.build_report, machine_cache(config.cluster.cache))
     if news:
         say(f"generate: {news}")
 
@@ -129,7 +175,7 @@ def _register(config: Configuration, workspace: Workspace) -> None:
     row = {
         "dataset_id": config.dataset_id,
         "seed": config.dataset.seed,
-        "configuration": config.model_dump_json(include={"dataset", "tasks", "expert", "quality"}),
+        "configuration": config.model_dump_json(include=set(DECIDING)),
         "robot": config.dataset.robot.name,
         "layouts": records.to_json(
             {"task": TASK_LAYOUT.metadata(), "segment": SEGMENT_LAYOUT.metadata()}
@@ -138,45 +184,3 @@ def _register(config: Configuration, workspace: Workspace) -> None:
         "created_at": records.now(),
     }
     workspace.lake.append_rows("datasets", [row], app_id=f"datasets/{config.dataset_id}")
-
-
-def _present(workspace: Workspace, dataset_id: str) -> set[int]:
-    return set(workspace.lake.values("solutions", "index", f"dataset_id = '{dataset_id}'"))
-
-
-class _Writer:
-    """Gathers rows and appends them in idempotent transactions, by count or by time."""
-
-    def __init__(self, workspace: Workspace, dataset_id: str) -> None:
-        self._lake = workspace.lake
-        self._settings = workspace.cluster_settings
-        self._app_id = f"solutions/{dataset_id}"
-        self._rows: list[dict[str, Any]] = []
-        self._committed = time.monotonic()
-        self._statuses: Counter[str] = Counter()
-        self._accepted = 0
-
-    def add(self, row: records.Row) -> None:
-        """Take one row; append the batch when it is large or old enough."""
-        self._rows.append(row)
-        self._statuses[row["status"]] += 1
-        self._accepted += row["accepted"]
-        age = time.monotonic() - self._committed
-        if len(self._rows) >= self._settings.commit_rows or age > self._settings.commit_seconds:
-            self.flush()
-
-    def flush(self) -> None:
-        """Append what is gathered."""
-        if self._rows:
-            number = self._lake.next_number("solutions", self._app_id)
-            self._lake.append_rows("solutions", self._rows, app_id=self._app_id, number=number)
-            self._rows = []
-        self._committed = time.monotonic()
-
-    def summary(self) -> str:
-        """Statuses and the accepted share so far, for people."""
-        total = sum(self._statuses.values())
-        if total == 0:
-            return "nothing solved yet"
-        kinds = ", ".join(f"{count} {status}" for status, count in self._statuses.most_common())
-        return f"{kinds}; {self._accepted / total:.0%} accepted"

@@ -118,6 +118,16 @@ def error_columns(message: str) -> Row:
     }
 
 
+def solution_note(row: Row) -> Row:
+    """What is counted of a row of ``solutions`` while it is on its way."""
+    return {
+        "status": row["status"],
+        "accepted": row["accepted"],
+        "reasons": row["reject_reasons"],
+        "solve_cpu_s": row.get("solve_cpu_s"),
+    }
+
+
 def now() -> datetime:
     """The present time, UTC."""
     return datetime.now(UTC)

@@ -11,6 +11,7 @@ from lmtr.policies.distance import TaskWeights
 from lmtr.robot.model import ROBOTS, RobotModel
 from lmtr.rollout.settings import Criteria, RolloutSettings
 from lmtr.settings import Count, Seed, Settings
+from services.cluster.delivery import Rhythm
 
 
 class DatasetSection(Settings):
@@ -132,17 +133,31 @@ class ClusterSection(Settings):
     Attributes:
         address: Address of a running Ray cluster; none starts one on this machine.
         workers: Worker processes; none means one per core.
-        commit_rows: Solutions that are committed to the lake together.
-        commit_seconds: Solutions are committed at least this often (s).
+        batch_seconds: Work that a worker is handed at once takes about so long (s).
+        commit_rows: So many rows are committed to the lake together, more while it is busy.
+        commit_seconds: Rows are committed at least this often (s): what a power cut may cost.
+        uncommitted_mb: Workers pause while so much waits to be committed (MB).
         cache: Absolute folder of compiled experts on every host, writable by its user alone; none
             takes ``LMTR_CACHE`` or the user's own folder of caches.
     """
 
     address: str | None = None
     workers: Annotated[int, Field(ge=0)] | None = None
-    commit_rows: Count = 25
-    commit_seconds: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] = 20.0
+    batch_seconds: Annotated[float, Field(gt=0.0, le=600.0)] = 2.0
+    commit_rows: Count = 500
+    commit_seconds: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] = 10.0
+    uncommitted_mb: Annotated[float, Field(gt=0.0, le=10_000.0)] = 64.0
     cache: Path | None = None
+
+    @property
+    def rhythm(self) -> Rhythm:
+        """Sizes of batches and commits."""
+        return Rhythm(
+            self.batch_seconds,
+            self.commit_rows,
+            self.commit_seconds,
+            int(self.uncommitted_mb * 1e6),
+        )
 
     @field_validator("cache")
     @classmethod

@@ -24,5 +24,9 @@ class ClusterError(ServiceError):
     """A cluster cannot be reached, or its work failed for good."""
 
 
+class ClusterLostError(ClusterError):
+    """A cluster that was there is gone; what it held is to be done again on another."""
+
+
 class TrackingError(ServiceError):
     """The experiment tracker cannot be reached or refuses a record."""

@@ -8,6 +8,7 @@ from enum import StrEnum
 from types import TracebackType
 from typing import Generic, Self, TypeVar, cast
 
+from services.cluster.delivery import Event, Order
 from services.errors import ClusterError
 
 T = TypeVar("T")
@@ -114,4 +115,19 @@ class Cluster(ABC):
 
         Raises:
             ClusterError: Workers cannot be started at all.
+        """
+
+    @abstractmethod
+    def deliver(self, order: Order[T]) -> Generator[Event, None, None]:
+        """Carry out an order: items to workers in batches, what they make to one writer.
+
+        Every item is made, or failed for, at least once, and handed to the sink until that has
+        kept it; whatever dies in between is replaced. Workers pause while the writer is behind,
+        and idle ones repeat what slow ones hold at the end. When ``order.stopping()`` turns true
+        nothing more is begun, and what is under way is still kept. Closing the generator gives up
+        what is not kept yet.
+
+        Raises:
+            ClusterError: Workers or writer cannot be started, or the cluster is lost.
+            ServiceError: Whatever the sink refuses to keep.
         """

@@ -4,7 +4,9 @@ from collections.abc import Callable, Generator, Iterable
 from types import TracebackType
 from typing import Self, TypeVar
 
+from services.cluster.batches import BatchRunner, Parcel, Waiting
 from services.cluster.cluster import Cluster, Outcome
+from services.cluster.delivery import Event, Kept, Made, Order
 from services.cluster.worker import Workplace
 
 T = TypeVar("T")
@@ -36,3 +38,30 @@ class LocalCluster(Cluster):
         workplace = Workplace(make_worker)
         for item in items:
             yield workplace.run(item).about(item)
+
+    def deliver(self, order: Order[T]) -> Generator[Event, None, None]:
+        """See :meth:`Cluster.deliver`; a batch is one item, the sink is in this process too."""
+        runner, sink = BatchRunner(order.make_worker), order.make_sink()
+        waiting: Waiting[T] = Waiting(order.rhythm)
+
+        def kept() -> Kept:
+            items, parcels = waiting.items, waiting.take()
+            return Kept(items, sink([parcel.payload for parcel in parcels], order.describe()))
+
+        try:
+            for item in order.items:
+                if order.stopping():
+                    break
+                reply, payload = runner.run([item])
+                note = reply.notes[0] if reply.notes else None
+                if note is None:
+                    payload, note = order.failed(item, reply.errors[0][1])
+                waiting.add(Parcel(payload, (item,), reply.nbytes))
+                yield Made([note])
+                if waiting.due():
+                    yield kept()
+        finally:
+            # A stop of any kind keeps what is made.
+            last = kept() if waiting.items else None
+        if last is not None:
+            yield last

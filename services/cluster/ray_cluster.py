@@ -13,6 +13,7 @@ from types import TracebackType
 from typing import Self, TypeVar
 
 from services.cluster.cluster import Cluster, Outcome
+from services.cluster.delivery import Event, Order
 from services.errors import ClusterError
 
 T = TypeVar("T")
@@ -24,7 +25,21 @@ OBJECT_STORE_BYTES = 250_000_000
 REACH_S = 45.0
 """How long a named cluster may take to answer."""
 
+HEALTH = {
+    "RAY_health_check_initial_delay_ms": "3000",
+    "RAY_health_check_period_ms": "1000",
+    "RAY_health_check_timeout_ms": "2000",
+    "RAY_health_check_failure_threshold": "3",
+    "RAY_grpc_client_keepalive_time_ms": "5000",
+    "RAY_grpc_client_keepalive_timeout_ms": "5000",
+}
+"""A host that falls silent is noticed after half a minute; with Ray's defaults it takes seven.
+
+Every process of a cluster must have these, so a cluster that is joined sets them on its hosts.
+"""
+
 ENVIRONMENT = {
+    **HEALTH,
     "RAY_USAGE_STATS_ENABLED": "0",
     # Under `uv run` Ray would rebuild the environment in each worker and hang.
     "RAY_ENABLE_UV_RUN_RUNTIME_ENV": "0",
@@ -83,6 +98,14 @@ class RayCluster(Cluster):
         size = self._size if in_flight is None else max(1, min(in_flight, self._size))
         pool: ActorPool[T, R] = ActorPool(make_worker, size)
         yield from pool.outcomes(items)
+
+    def deliver(self, order: Order[T]) -> Generator[Event, None, None]:
+        """See :meth:`Cluster.deliver`."""
+        from services.cluster.ray_line import RayLine
+
+        if not self._size:
+            raise ClusterError("cluster: it is closed; use it inside its `with` statement")
+        yield from RayLine(order, self._size).events()
 
     def _start(self, undo: ExitStack) -> None:
         import ray

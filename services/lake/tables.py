@@ -83,12 +83,9 @@ class Lake:
             LakeError: The rows break the schema, or the table cannot be written.
         """
         checked, transaction = conform(table, rows), Transaction(app_id, number)
-        try:
-            for _ in range(CONFLICT_RETRIES):
-                with suppress(CommitFailedError):
-                    return self._append_once(table, checked, transaction)
-        except (DeltaError, OSError) as error:
-            raise self._unwritable(table, error) from error
+        for _ in range(CONFLICT_RETRIES):
+            with suppress(CommitFailedError):
+                return self._append_once(table, checked, transaction)
         raise LakeError(
             f"table {table!r}: {CONFLICT_RETRIES} appends in a row lost against other writers of "
             f"{app_id!r}; let one process at a time append under that name"
@@ -180,15 +177,11 @@ class Lake:
             raise self._unwritable(table, error) from error
 
     def _append_once(self, table: str, rows: pa.Table, transaction: Transaction) -> bool:
-        delta = self._open_or_create(table)
+        delta = self.open_or_create(table)
         done = delta.transaction_version(transaction.app_id)
         if done is not None and done >= transaction.version:
             return False
-        # delta-rs refuses the commit if another writer has meanwhile used this app_id.
-        properties = CommitProperties(
-            max_commit_retries=COMMIT_RETRIES, app_transactions=[transaction]
-        )
-        write_deltalake(delta, rows, mode="append", commit_properties=properties)
+        self.commit(table, delta, rows, transaction)
         return True
 
     def uri(self, table: str) -> str:
@@ -231,7 +224,59 @@ class Lake:
         _require_known(table, delta)
         return delta
 
-    def _open_or_create(self, table: str) -> DeltaTable:
+    def open_or_create(self, table: str) -> DeltaTable:
+        """The table as delta-rs has it, made if it is not there.
+
+        Raises:
+            LakeError: It cannot be made or opened.
+        """
+        try:
+            return self._made(table)
+        except (DeltaError, OSError) as error:
+            raise self._unwritable(table, error) from error
+
+    def refresh(self, table: str, delta: DeltaTable) -> None:
+        """Bring an opened table to its present version.
+
+        Raises:
+            LakeError: It cannot be read any more.
+        """
+        try:
+            delta.update_incremental()
+        except (DeltaError, OSError) as error:
+            raise LakeError(
+                f"table {table!r} cannot be read: {_line(error)}; check the files in "
+                f"{self.uri(table)}"
+            ) from error
+
+    def commit(
+        self,
+        table: str,
+        delta: DeltaTable,
+        rows: pa.Table,
+        transaction: Transaction,
+        metadata: Mapping[str, str] | None = None,
+    ) -> None:
+        """Append rows as a transaction to an opened table, which moves on to the new version.
+
+        Raises:
+            CommitFailedError: Another writer has used the transaction's name since the table was
+                opened.
+            LakeError: The table cannot be written.
+        """
+        properties = CommitProperties(
+            custom_metadata=dict(metadata or {}),
+            max_commit_retries=COMMIT_RETRIES,
+            app_transactions=[transaction],
+        )
+        try:
+            write_deltalake(delta, rows, mode="append", commit_properties=properties)
+        except CommitFailedError:
+            raise
+        except (DeltaError, OSError) as error:
+            raise self._unwritable(table, error) from error
+
+    def _made(self, table: str) -> DeltaTable:
         if not self.exists(table):
             schema = SCHEMAS[table]
             if not self.storage.is_remote:

@@ -1,0 +1,150 @@
+"""Production: whatever a group of a table lacks is made on workers and kept exactly once.
+
+Generation and segmentation both go through here, so that both survive the same faults: rows are
+made anew where they are missing in the table, and nowhere else is written down what is done.
+"""
+
+import functools
+import os
+import random
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
+
+from pipelines.progress import Bar, bar, say
+from pipelines.stopping import Stop, stop_on_signals
+from pipelines.workspace import Workspace
+from services.cluster.delivery import Event, Kept, Made, Maker, Note, Order, Trouble
+from services.errors import ClusterLostError
+from services.lake.appender import Appender, Group, Keys
+from services.lake.sink import Receipt, TableSink
+
+T = TypeVar("T")
+
+RESTARTS = 3
+"""How often a cluster that was lost is started or joined again."""
+
+
+class Tally(Protocol):
+    """What a stage counts while it works."""
+
+    def add(self, note: Note) -> int:
+        """Count one item; returns how many steps of the progress bar it is."""
+        ...
+
+    def trouble(self, trouble: Trouble) -> None:
+        """Count what went wrong and was mended."""
+        ...
+
+    def kept(self, receipt: Receipt) -> None:
+        """Take note of a commit."""
+        ...
+
+    def words(self) -> str:
+        """All of it in a few words, for the progress bar."""
+        ...
+
+    def figures(self) -> Mapping[str, str]:
+        """All of it by name, for the table's history."""
+        ...
+
+
+@dataclass(frozen=True)
+class Plan(Generic[T]):
+    """What a stage makes.
+
+    Attributes:
+        title: What the progress bar says.
+        group: The rows that are made.
+        keys: The keys that the group shall have.
+        items: Turns keys that are missing into items, drawn as workers are free.
+        make_worker: Makes a worker; travels by pickle.
+        failed: Payload and note of an item that no worker could make anything of.
+    """
+
+    title: str
+    group: Group
+    keys: Iterable[int]
+    items: Callable[[Iterator[int]], Iterable[T]]
+    make_worker: Callable[[], Maker[T]]
+    failed: Callable[[T, str], tuple[object, Note]]
+
+
+class Missing:
+    """Keys to be made, in their order; drawn from while they become fewer."""
+
+    def __init__(self, keys: Iterable[int]) -> None:
+        self._keys = deque(keys)
+
+    def __len__(self) -> int:
+        return len(self._keys)
+
+    def __iter__(self) -> Iterator[int]:
+        while self._keys:
+            yield self._keys.popleft()
+
+    def leave_out(self, present: Keys) -> None:
+        """Somebody else makes the same rows: drop theirs, and go on in an order of one's own."""
+        rest = list(present.missing(self._keys))
+        random.Random(os.urandom(8)).shuffle(rest)
+        self._keys = deque(rest)
+
+
+def produce(workspace: Workspace, plan: Plan[T], tally: Tally) -> bool:
+    """Make what is missing; returns whether all is there now, False if the user stopped it.
+
+    Raises:
+        ServiceError: The cluster or the table does not work.
+    """
+    with stop_on_signals() as stop:
+        for attempt in range(RESTARTS + 1):
+            appender = Appender(workspace.lake, plan.group)
+            missing = Missing(appender.present().missing(plan.keys))
+            if not missing:
+                return True
+            try:
+                _work(workspace, plan, tally, appender, missing, stop)
+            except ClusterLostError as error:
+                if attempt == RESTARTS:
+                    raise
+                say(f"{error}; starting again with what is missing")
+                tally.trouble(Trouble("cluster_lost"))
+                continue
+            return not stop()
+    return False
+
+
+def _work(
+    workspace: Workspace,
+    plan: Plan[T],
+    tally: Tally,
+    appender: Appender,
+    missing: Missing,
+    stop: Stop,
+) -> None:
+    total = len(missing)
+    with workspace.cluster(total) as cluster, bar(plan.title, total) as progress:
+        order = Order(
+            make_worker=plan.make_worker,
+            make_sink=functools.partial(TableSink, workspace.lake.storage, plan.group),
+            items=plan.items(iter(missing)),
+            total=total,
+            failed=plan.failed,
+            rhythm=workspace.cluster_settings.rhythm,
+            describe=tally.figures,
+            stopping=stop,
+        )
+        for event in cluster.deliver(order):
+            _heed(event, tally, progress)
+            if isinstance(event, Kept) and event.receipt.appended.joined:
+                missing.leave_out(appender.present())
+
+
+def _heed(event: Event, tally: Tally, progress: Bar) -> None:
+    if isinstance(event, Made):
+        progress.advance(sum(map(tally.add, event.notes)), tally.words())
+    elif isinstance(event, Kept):
+        tally.kept(event.receipt)
+    else:
+        tally.trouble(event)

@@ -1,0 +1,44 @@
+"""Ctrl-C and SIGTERM as a wish: the first lets work under way be finished and kept."""
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+from pipelines.progress import say
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+class Stop:
+    """Whether the user has asked to stop; call it to know."""
+
+    def __init__(self) -> None:
+        self._asked = False
+
+    def __call__(self) -> bool:
+        """Whether the user has asked to stop."""
+        return self._asked
+
+    def ask(self, _signal: int, _frame: FrameType | None) -> None:
+        """Take the signal; the second one stops at once."""
+        if self._asked:
+            raise KeyboardInterrupt
+        self._asked = True
+        say("stopping: what is under way is finished and kept (once more to stop at once)")
+
+
+@contextmanager
+def stop_on_signals() -> Iterator[Stop]:
+    """Take the signals inside the block; elsewhere than in the main thread nothing can ask."""
+    stop = Stop()
+    if threading.current_thread() is not threading.main_thread():
+        yield stop
+        return
+    before = {number: signal.signal(number, stop.ask) for number in SIGNALS}
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,0 +1,52 @@
+"""Where workers' rows end: a writer that appends them to one group of a table."""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import pyarrow as pa
+
+from services.lake.appender import Appended, Appender, Group
+from services.lake.storage import Storage
+from services.lake.tables import Lake
+
+COMPACT_EVERY = 256
+"""Commits after which small files are joined, so that a long run does not slow down reading."""
+
+
+@dataclass(frozen=True)
+class Receipt:
+    """What a writer says of one commit.
+
+    Attributes:
+        appended: Rows that are new, and those that were there.
+        seconds: Wall time that it took.
+        cpu_s: Processor time of the writer so far.
+    """
+
+    appended: Appended
+    seconds: float
+    cpu_s: float
+
+
+class TableSink:
+    """A writer; one per process, made where the table can be reached."""
+
+    def __init__(self, storage: Storage, group: Group) -> None:
+        self._lake = Lake(storage)
+        self._group = group
+        self._appender = Appender(self._lake, group)
+        self._commits = 0
+
+    def __call__(self, tables: Sequence[pa.Table], metadata: Mapping[str, str]) -> Receipt:
+        """Append the rows of some tables in one transaction.
+
+        Raises:
+            LakeError: They break the schema, or the table cannot be written.
+        """
+        began = time.monotonic()
+        appended = self._appender.append(pa.concat_tables(tables), metadata)
+        self._commits += 1
+        if self._commits % COMPACT_EVERY == 0:
+            self._lake.compact(self._group.table)
+        return Receipt(appended, time.monotonic() - began, time.process_time())
