@@ -61,6 +61,7 @@ class Plan(Generic[T]):
         items: Turns keys that are missing into items, drawn as workers are free.
         make_worker: Makes a worker; travels by pickle.
         failed: Payload and note of an item that no worker could make anything of.
+        few: So few keys are made in this process, sooner than workers are started.
     """
 
     title: str
@@ -69,6 +70,7 @@ class Plan(Generic[T]):
     items: Callable[[Iterator[int]], Iterable[T]]
     make_worker: Callable[[], Maker[T]]
     failed: Callable[[T, str], tuple[object, Note]]
+    few: int = 0
 
 
 class Missing:
@@ -105,10 +107,10 @@ def produce(workspace: Workspace, plan: Plan[T], tally: Tally) -> bool:
                 return True
             try:
                 _work(workspace, plan, tally, appender, missing, stop)
-            except ClusterLostError as error:
+            except ClusterLostError:
                 if attempt == RESTARTS:
                     raise
-                say(f"{error}; starting again with what is missing")
+                say("the cluster was lost; starting it again with what is missing")
                 tally.trouble(Trouble("cluster_lost"))
                 continue
             return not stop()
@@ -124,7 +126,7 @@ def _work(
     stop: Stop,
 ) -> None:
     total = len(missing)
-    with workspace.cluster(total) as cluster, bar(plan.title, total) as progress:
+    with workspace.cluster(total, plan.few) as cluster, bar(plan.title, total) as progress:
         order = Order(
             make_worker=plan.make_worker,
             make_sink=functools.partial(TableSink, workspace.lake.storage, plan.group),

@@ -40,10 +40,15 @@ class Workspace:
         """The experiment tracker of the home."""
         return Tracker(f"sqlite:///{self.home.tracking_db}", self.home.artifacts)
 
-    def cluster(self, items: int) -> Cluster:
-        """A cluster for ``items`` pieces of work; use it in a ``with`` statement."""
+    def cluster(self, items: int, few: int = 0) -> Cluster:
+        """A cluster for ``items`` pieces of work; use it in a ``with`` statement.
+
+        Up to ``few`` pieces are worked on in this process, unless the user names workers.
+        """
         settings = self.cluster_settings
         workers = settings.workers
+        if workers is None and items <= few:
+            workers = 0
         if workers is not None:
             workers = min(workers, max(items, 1))
         return Cluster.connect(address=settings.address, workers=workers)

@@ -78,6 +78,7 @@ def generate(
 
 def segment(
     ctx: typer.Context,
+    workers: WorkersOption = None,
     dataset: DatasetOption = None,
     config: ConfigOption = None,
     overrides: SetOption = None,
@@ -86,7 +87,7 @@ def segment(
     """Cut the accepted solutions into segments of 0.8 s and one swing per leg."""
     from pipelines.segment import segment as cut
 
-    settings = options.configuration(config, overrides)
+    settings = options.configuration(config, overrides, cluster__workers=workers)
     space = options.workspace(ctx, home, settings)
     cut(settings, space, options.dataset_id(space, settings, config, dataset))
 

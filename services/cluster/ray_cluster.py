@@ -105,7 +105,7 @@ class RayCluster(Cluster):
 
         if not self._size:
             raise ClusterError("cluster: it is closed; use it inside its `with` statement")
-        yield from RayLine(order, self._size).events()
+        yield from RayLine(order, self._size, _ray_runs).events()
 
     def _start(self, undo: ExitStack) -> None:
         import ray
@@ -139,6 +139,20 @@ class RayCluster(Cluster):
             ray.init(address=address, logging_level=self._log_level, log_to_driver=False)
         except (RuntimeError, ValueError, OSError) as error:
             raise _unreachable(address, str(error)) from error
+
+
+def _ray_runs() -> bool:
+    """Whether the Ray that this process started still runs; one of others is not looked at.
+
+    Some time after its raylet or its control store has ended, Ray ends the driver too, without a
+    word. Ray has no public way to ask for them, so where its inner ones change this says yes.
+    """
+    from ray._private import worker
+
+    node = getattr(worker, "_global_node", None)
+    started = getattr(node, "all_processes", {})
+    needed = [entry for name in ("raylet", "gcs_server") for entry in started.get(name, [])]
+    return all(entry.process.poll() is None for entry in needed)
 
 
 def _prepare(address: str | None) -> None:

@@ -9,7 +9,7 @@ the first to finish counts.
 import logging
 import time
 from collections import deque
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, replace
 from itertools import count
 from typing import Any, Generic, TypeVar
@@ -25,6 +25,7 @@ from services.cluster.pool import RETRIES
 from services.cluster.worker import described
 from services.cluster.worker_log import WorkerLog
 from services.cluster.writer import WriterSeat
+from services.errors import ClusterLostError
 
 T = TypeVar("T")
 
@@ -82,8 +83,9 @@ class BatchSeat:
 class RayLine(Generic[T]):
     """Carries one order out on a Ray cluster that this process has joined."""
 
-    def __init__(self, order: Order[T], workers: int) -> None:
+    def __init__(self, order: Order[T], workers: int, healthy: Callable[[], bool]) -> None:
         self._order = order
+        self._healthy = healthy
         self._source = map(_Task, count(), order.items)
         self._begun = 0
         self._exhausted = False
@@ -103,6 +105,7 @@ class RayLine(Generic[T]):
             self._writer.start()
             self._crew.start(self._order.make_worker)
             while True:
+                self._require_health()
                 self._heed_stop()
                 yield from self._assign()
                 if self._waiting.due() or self._winding_up():
@@ -115,6 +118,12 @@ class RayLine(Generic[T]):
             self._crew.close()
             self._writer.close()
             self._log.close()
+
+    def _require_health(self) -> None:
+        if not self._healthy():
+            raise ClusterLostError(
+                "cluster: Ray's process on this host has ended; run the same command to go on"
+            )
 
     def _heed_stop(self) -> None:
         if self._stopped_at is None and self._order.stopping():
