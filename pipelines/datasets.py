@@ -67,6 +67,30 @@ def require_same(
         )
 
 
+def continued(
+    workspace: Workspace, dataset_id: str, settings: Configuration, *, solutions: int | None
+) -> Configuration:
+    """The settings that a data set was made with, to go on with it.
+
+    Args:
+        workspace: The home.
+        dataset_id: The data set.
+        settings: Where the work runs; what it says of the data set is not looked at.
+        solutions: How many solutions it shall have; None for as many as were asked for at first.
+
+    Raises:
+        ConfigurationError: This version of LMTR would make other rows.
+        DataError: There is no such data set.
+    """
+    recorded = configuration_of(workspace, resolve(workspace, dataset_id))
+    section = recorded.dataset
+    if solutions is not None:
+        section = section.model_copy(update={"solutions": solutions})
+    config = recorded.model_copy(update={"dataset": section, "cluster": settings.cluster})
+    require_same(config, workspace, dataset_id)
+    return config
+
+
 def announce(config: Configuration, workspace: Workspace) -> None:
     """Say how a new data set differs from the last one of its name and seed."""
     recorded = _recorded(workspace)

@@ -134,6 +134,14 @@ def generate(
     return dataset_id
 
 
+def drop(workspace: Workspace, dataset_id: str, status: str) -> None:
+    """Take solutions that ended with ``status`` out of a data set, to be solved once more."""
+    with workspace.home.lock(f"generate-{dataset_id}"):
+        where = f"dataset_id = '{dataset_id}' AND status = '{status}'"
+        count = workspace.lake.delete("solutions", where)
+    say(f"generate: {count} solutions that ended with {status!r} are solved once more")
+
+
 def _group(dataset_id: str) -> Group:
     """The rows of a data set."""
     return Group("solutions", {"dataset_id": dataset_id}, "index")

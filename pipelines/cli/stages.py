@@ -3,6 +3,7 @@
 Stages are imported when they are called, so that ``lmtr --help`` answers at once.
 """
 
+from enum import StrEnum
 from typing import Annotated
 
 import typer
@@ -15,6 +16,13 @@ from pipelines.cli.options import (
     SetOption,
     WorkersOption,
 )
+
+
+class Again(StrEnum):
+    """Ends of a solve that tell of the machine rather than of the task."""
+
+    ERROR = "error"
+    TIME_LIMIT = "time_limit"
 
 
 def register(app: typer.Typer) -> None:
@@ -58,11 +66,29 @@ def generate(
         int | None, typer.Option("--seed", "-s", help="Seed of all tasks and noise.")
     ] = None,
     workers: WorkersOption = None,
+    dataset: Annotated[
+        str | None,
+        typer.Option(
+            "--dataset", "-d", help="Go on with this data set, with the settings it was made with."
+        ),
+    ] = None,
+    again: Annotated[
+        Again | None,
+        typer.Option(
+            "--again", help="First drop solutions that ended so, to solve them once more."
+        ),
+    ] = None,
     config: ConfigOption = None,
     overrides: SetOption = None,
     home: HomeOption = None,
 ) -> None:
-    """Solve tasks with the expert and add the solutions to the lake."""
+    """Solve tasks with the expert and add the solutions to the lake.
+
+    The same command goes on where it was stopped: Ctrl-C finishes and keeps what is under way.
+    With more `--solutions` it solves the rest only. Changed settings make another data set.
+    """
+    from pipelines.datasets import continued, require_same
+    from pipelines.generate import drop
     from pipelines.generate import generate as make
 
     settings = options.configuration(
@@ -72,8 +98,14 @@ def generate(
         dataset__seed=seed,
         cluster__workers=workers,
     )
-    made = make(settings, options.workspace(ctx, home, settings, create=True))
-    typer.echo(made)
+    space = options.workspace(ctx, home, settings, create=dataset is None)
+    if dataset is not None:
+        if config or overrides or seed is not None:
+            require_same(settings, space, dataset)
+        settings = continued(space, dataset, settings, solutions=solutions)
+    if again is not None:
+        drop(space, settings.dataset_id, str(again))
+    typer.echo(make(settings, space))
 
 
 def segment(

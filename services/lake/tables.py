@@ -162,6 +162,23 @@ class Lake:
         """All tables that are there, by name, in their present versions."""
         return {name: self._dataset(name, None) for name in self.tables()}
 
+    def delete(self, table: str, where: str) -> int:
+        """Take rows out of the present version of a table; returns how many they were.
+
+        Earlier versions keep them.
+
+        Raises:
+            LakeError: The table cannot be written.
+        """
+        if not self.exists(table):
+            return 0
+        properties = CommitProperties(max_commit_retries=COMMIT_RETRIES)
+        try:
+            done = self.delta(table).delete(where, commit_properties=properties)
+        except (DeltaError, OSError) as error:
+            raise self._unwritable(table, error) from error
+        return int(done["num_deleted_rows"])
+
     def compact(self, table: str) -> None:
         """Join the small files of many appends into few large ones.
 

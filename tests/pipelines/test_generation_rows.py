@@ -8,6 +8,7 @@ from lmtr.expert.solve import Expert
 from lmtr.robot.model import HYQ
 from pipelines import generate as stage
 from pipelines.config import load, parse
+from pipelines.expert import build_expert
 from pipelines.records import task_of
 from services.home import Home
 from services.lake.tables import Lake
@@ -80,12 +81,12 @@ def test_the_folder_named_in_the_configuration_takes_the_compiled_expert(tmp_pat
     config = parse({**SHORT, "cluster": {"cache": str(folder)}})
     monkeypatch.setattr(stage, "say", (said := []).append)
     for _ in range(2):
-        stage._prepare_expert(config)
+        stage._prepare_expert(config, build_expert)
     assert len(list(folder.glob("expert-*.so"))) == 1
     assert len(said) == 1
     assert "kept for all later runs" in said[0]
     folder.chmod(0o777)
-    stage._prepare_expert(config)
+    stage._prepare_expert(config, build_expert)
     assert "interpreted" in said[1]
     assert f"chmod go-w {folder}" in said[1]
 
@@ -112,7 +113,7 @@ def test_another_robot_is_solved_by_changing_one_file():
     config = load("hyq")
     assert config.dataset.robot == HYQ
     worker = stage.SolveWorker(config)
-    made = [worker(index) for index in range(8)]
+    made = [worker(index)[0] for index in range(8)]
     assert sum(row["status"] == "converged" for row in made) >= 7
     assert sum(within(dict(row["violations"])) for row in made) >= 7
     assert sum(row["accepted"] for row in made) > 4

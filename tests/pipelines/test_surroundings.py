@@ -110,7 +110,11 @@ def test_a_cache_that_is_a_file_is_told_with_its_mend(lmtr, tmp_path, monkeypatc
     cache = tmp_path / "cache"
     cache.write_text("")
     monkeypatch.setenv("LMTR_CACHE", str(cache))
-    monkeypatch.setattr("pipelines.generate._solve", lambda *_: iter(()))  # told before any solve
+
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("pipelines.generate.produce", stop)  # told before any solve
     _, _, err = lmtr("generate", "--solutions", 1, "--home", tmp_path / "home")
     assert "takes four times as long" in err
     assert (
