@@ -112,7 +112,7 @@ def generate(
     dataset_id, lake = config.dataset_id, workspace.lake
     with workspace.home.lock(f"generate-{dataset_id}"):
         require_same(config, workspace)
-        present = len(Appender(lake, _group(dataset_id)).present())
+        present = _solved(workspace, dataset_id)
         if present >= config.dataset.solutions:
             say(f"generate: {dataset_id} has {present} solutions already, nothing to do")
             return dataset_id
@@ -125,7 +125,7 @@ def generate(
         lake.compact("solutions")
     say(f"generate: {dataset_id}: {tally.words()}; table version {lake.version('solutions')}")
     if not complete:
-        kept = len(Appender(lake, _group(dataset_id)).present())
+        kept = _solved(workspace, dataset_id)
         say(
             f"generate: stopped with {kept} of {config.dataset.solutions} solutions; "
             "run the same command to go on"
@@ -140,6 +140,12 @@ def drop(workspace: Workspace, dataset_id: str, status: str) -> None:
         where = f"dataset_id = '{dataset_id}' AND status = '{status}'"
         count = workspace.lake.delete("solutions", where)
     say(f"generate: {count} solutions that ended with {status!r} are solved once more")
+
+
+def _solved(workspace: Workspace, dataset_id: str) -> int:
+    """How many solutions of a data set are in the lake."""
+    present, _ = Appender(workspace.lake, _group(dataset_id)).present()
+    return len(present)
 
 
 def _group(dataset_id: str) -> Group:

@@ -102,11 +102,13 @@ def produce(workspace: Workspace, plan: Plan[T], tally: Tally) -> bool:
     with stop_on_signals() as stop:
         for attempt in range(RESTARTS + 1):
             appender = Appender(workspace.lake, plan.group)
-            missing = Missing(appender.present().missing(plan.keys))
+            present, number = appender.present()
+            missing = Missing(present.missing(plan.keys))
             if not missing:
                 return True
+            sink = functools.partial(TableSink, workspace.lake.storage, plan.group, number)
             try:
-                _work(workspace, plan, tally, appender, missing, stop)
+                _work(workspace, plan, tally, sink, missing, stop)
             except ClusterLostError:
                 if attempt == RESTARTS:
                     raise
@@ -121,7 +123,7 @@ def _work(
     workspace: Workspace,
     plan: Plan[T],
     tally: Tally,
-    appender: Appender,
+    sink: Callable[[], TableSink],
     missing: Missing,
     stop: Stop,
 ) -> None:
@@ -129,7 +131,7 @@ def _work(
     with workspace.cluster(total, plan.few) as cluster, bar(plan.title, total) as progress:
         order = Order(
             make_worker=plan.make_worker,
-            make_sink=functools.partial(TableSink, workspace.lake.storage, plan.group),
+            make_sink=sink,
             items=plan.items(iter(missing)),
             total=total,
             failed=plan.failed,
@@ -140,7 +142,7 @@ def _work(
         for event in cluster.deliver(order):
             _heed(event, tally, progress)
             if isinstance(event, Kept) and event.receipt.appended.joined:
-                missing.leave_out(appender.present())
+                missing.leave_out(Appender(workspace.lake, plan.group).present()[0])
 
 
 def _heed(event: Event, tally: Tally, progress: Bar) -> None:

@@ -122,20 +122,28 @@ class Appender:
     """Appends rows of one group to a table of a lake, each key once.
 
     It remembers which keys are in and looks again only when somebody else has appended.
+
+    Args:
+        lake: The lake.
+        group: The rows.
+        since: Number of the group's last transaction that the caller knows of, from
+            :meth:`present`; what came after it is somebody else's.
     """
 
-    def __init__(self, lake: Lake, group: Group) -> None:
+    def __init__(self, lake: Lake, group: Group, since: int | None = None) -> None:
         self._lake = lake
         self._group = group
         self._delta: DeltaTable | None = None
+        self._known = since
         self._seen = -1
         self._keys = Keys()
 
-    def present(self) -> Keys:
-        """The keys that are in the table now."""
+    def present(self) -> tuple[Keys, int]:
+        """The keys that are in the table now, and the number of the group's last transaction."""
         if not self._lake.exists(self._group.table):
-            return Keys()
-        return _keys(self._lake.delta(self._group.table), self._group)
+            return Keys(), 0
+        delta = self._lake.delta(self._group.table)
+        return _keys(delta, self._group), delta.transaction_version(self._group.app_id) or 0
 
     def append(self, rows: pa.Table, metadata: Mapping[str, str] | None = None) -> Appended:
         """Append the rows whose keys are not in yet.
@@ -151,8 +159,8 @@ class Appender:
         checked = conform(self._group.table, rows)
         joined = False
         for _ in range(CONFLICT_RETRIES):
-            prepared, stale = self.prepare(checked)
-            joined = joined or stale
+            prepared, with_others = self.prepare(checked)
+            joined = joined or with_others
             if self.commit(prepared, metadata):
                 new = prepared.rows.num_rows
                 version = prepared.delta.version()
@@ -167,18 +175,17 @@ class Appender:
         """Compare rows with the table; also tells whether others have appended since."""
         delta = self._snapshot()
         number = delta.transaction_version(self._group.app_id) or 0
-        stale = number != self._seen
-        if stale:
-            self._keys, known_before = _keys(delta, self._group), self._seen
-            self._seen = number
-            stale = known_before >= 0
+        joined = self._known is not None and number != self._known
+        if number != self._seen:
+            self._keys = _keys(delta, self._group)
+        self._known = self._seen = number
         keys = rows[self._group.key].to_numpy()
         new = ~self._keys.has(keys)
         if self._group.unique:
             first = np.zeros(len(keys), dtype=bool)
             first[np.unique(keys, return_index=True)[1]] = True
             new &= first
-        return Prepared(delta, rows.filter(pa.array(new)), number + 1), stale
+        return Prepared(delta, rows.filter(pa.array(new)), number + 1), joined
 
     def commit(self, prepared: Prepared, metadata: Mapping[str, str] | None = None) -> bool:
         """Commit what was prepared; False if others were quicker, and it must be prepared again."""
@@ -196,7 +203,7 @@ class Appender:
             # Whether it came through is not known: look at the table before anything else.
             self._delta, self._seen = None, -1
             raise
-        self._seen = prepared.number
+        self._known = self._seen = prepared.number
         self._keys.add(prepared.rows[self._group.key].to_numpy())
         return True
 

@@ -30,12 +30,18 @@ class Receipt:
 
 
 class TableSink:
-    """A writer; one per process, made where the table can be reached."""
+    """A writer; one per process, made where the table can be reached.
 
-    def __init__(self, storage: Storage, group: Group) -> None:
+    Args:
+        storage: The lake's place.
+        group: The rows that it appends.
+        since: Last transaction of the group that is known of, see :class:`Appender`.
+    """
+
+    def __init__(self, storage: Storage, group: Group, since: int | None = None) -> None:
         self._lake = Lake(storage)
         self._group = group
-        self._appender = Appender(self._lake, group)
+        self._appender = Appender(self._lake, group, since)
         self._commits = 0
 
     def __call__(self, tables: Sequence[pa.Table], metadata: Mapping[str, str]) -> Receipt:

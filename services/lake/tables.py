@@ -248,7 +248,10 @@ class Lake:
             LakeError: It cannot be made or opened.
         """
         try:
-            return self._made(table)
+            for _ in range(CONFLICT_RETRIES):
+                with suppress(CommitFailedError):  # another process makes it
+                    return self._made(table)
+            return self.delta(table)
         except (DeltaError, OSError) as error:
             raise self._unwritable(table, error) from error
 

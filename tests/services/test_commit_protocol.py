@@ -181,7 +181,11 @@ def test_a_second_writer_is_noticed_and_its_rows_are_left_out(tmp_path):
     assert (third.rows, third.doubled, third.joined) == (1, 1, True)
     fourth = one.append(solutions([4, 4]))
     assert (fourth.rows, fourth.doubled, fourth.joined) == (1, 1, False)
-    assert list(one.present().missing(range(7))) == [5, 6]
+    present, number = one.present()
+    assert list(present.missing(range(7))) == [5, 6]
+    assert number == 4
+    late = Appender(Lake(tmp_path / "lake"), GROUP, since=number - 1)
+    assert late.append(solutions([6])).joined is True
 
 
 def test_groups_do_not_disturb_one_another(tmp_path):
