@@ -22,7 +22,7 @@ from services.lake.examination import (
     row_names,
 )
 from services.lake.log import read_log
-from services.lake.schemas import IDENTITY, MADE_BY
+from services.lake.schemas import IDENTITY, MADE_BY, SCHEMAS
 from services.lake.tables import Lake
 
 SHOWN = 10
@@ -39,9 +39,9 @@ class Finding:
         table: Table concerned.
         kind: ``log``, ``table``, ``file``, ``identity``, ``null``, ``finite``, ``length``,
             ``range``, ``digest``; pipelines add kinds of their own.
-        says: What is wrong, or what must hold.
+        says: What must hold.
         mend: What to do about it.
-        count: How many rows, files or entries.
+        count: How many rows, files or entries break it.
         subjects: The first of them.
     """
 
@@ -111,6 +111,11 @@ def table_files(lake: Lake, table: str) -> pafs.FileSystem:
     return pafs.PyFileSystem(DeltaStorageHandler(lake.uri(table), options))
 
 
+def tables_found(lake: Lake) -> list[str]:
+    """Names of the tables of which anything is there, be it readable or not."""
+    return [name for name in SCHEMAS if lake.exists(name) or _holds_files(lake, name)]
+
+
 def data_files(delta: DeltaTable) -> list[DataFile]:
     """The files of the version that is open, in the order of their names."""
     actions = pa.table(delta.get_add_actions(flatten=True))
@@ -148,11 +153,12 @@ def inspect_table(
     """
     found, files = Inspection(table), table_files(lake, table)
     for fault in read_log(files).faults:
-        found.add("log", f"its log entry {fault.says}", REPAIR, [fault.path], 1, most)
+        subject = f"{fault.path} {fault.says}"
+        found.add("log", "every file of the log is whole", REPAIR, [subject], 1, most)
     try:
         listed = data_files(lake.delta(table))
     except LakeError as error:
-        found.add("table", str(error), REPAIR, [table], 1, most)
+        found.add("table", "it can be opened", REPAIR, [str(error)], 1, most)
         return found
     with Examiner(table) as examiner:
         for file in listed:
@@ -162,6 +168,13 @@ def inspect_table(
             mend = f"see docs/lake.md; rows of {table} are added by `{MADE_BY[table]}` alone"
             found.add("identity", says, mend, keys, count, most)
     return found
+
+
+def _holds_files(lake: Lake, table: str) -> bool:
+    if not lake.storage.is_remote and not (lake.storage.folder / table).is_dir():
+        return False
+    found = table_files(lake, table).get_file_info(pafs.FileSelector("", allow_not_found=True))
+    return any(not info.path.startswith(".") for info in found)
 
 
 def _inspect_file(
@@ -175,7 +188,7 @@ def _inspect_file(
     info = files.get_file_info(file.path)
     if info.type == pafs.FileType.NotFound:
         found.missing[file.path] = file.rows
-        found.add("file", "a data file is missing", REPAIR, [file.path], 1, most)
+        found.add("file", "every data file is there", REPAIR, [file.path], 1, most)
         return
     fault = f"has {info.size} bytes, not {file.size}" if info.size != file.size else ""
     rows = 0
@@ -193,7 +206,7 @@ def _inspect_file(
     found.rows += rows
     if fault:
         found.damaged[file.path] = fault
-        found.add("file", "a data file is damaged", REPAIR, [f"{file.path} {fault}"], 1, most)
+        found.add("file", "every data file is whole", REPAIR, [f"{file.path} {fault}"], 1, most)
 
 
 def _inspect_rows(batch: pa.Table, examiner: Examiner, found: Inspection, most: int) -> bool:
