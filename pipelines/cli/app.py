@@ -9,7 +9,7 @@ from typer.exceptions import TyperException
 
 from lmtr import __version__
 from lmtr.errors import LmtrError
-from pipelines.cli import care, data, stages
+from pipelines.cli import care, data, lake, stages
 from pipelines.cli.options import HomeOption
 from services.errors import ServiceError
 
@@ -45,6 +45,7 @@ def _globals(
 
 stages.register(app)
 data.register(app)
+lake.register(app)
 care.register(app)
 
 

@@ -90,6 +90,11 @@ def archive(ctx: typer.Context, home: Path | None) -> Workspace:
     return Workspace.open(resolve_home(ctx, home), Configuration().cluster, create=False)
 
 
+def keeper(ctx: typer.Context, home: Path | None) -> Workspace:
+    """The workspace that the options name, for a command that looks after what is in it."""
+    return workspace(ctx, home, Configuration())
+
+
 def dataset_id(
     space: Workspace, settings: Configuration, config: str | None, dataset: str | None
 ) -> str:

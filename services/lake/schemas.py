@@ -300,3 +300,8 @@ MADE_BY: dict[str, str] = {
 def version_of(schema: pa.Schema) -> str:
     """Version that a table's schema carries."""
     return str(schema.metadata[b"lmtr.version"].decode())
+
+
+def older_versions(table: str) -> list[str]:
+    """Schema versions of a table that can be brought up to this one."""
+    return [str(version - 1) for version in sorted(ADDED.get(table, {}))]

@@ -14,7 +14,7 @@ from deltalake.exceptions import CommitFailedError, DeltaError, TableNotFoundErr
 from services.errors import LakeError
 from services.lake.checks import conform
 from services.lake.sandbox import absent, evaluated
-from services.lake.schemas import SCHEMAS, version_of
+from services.lake.schemas import SCHEMAS, older_versions, version_of
 from services.lake.storage import Storage
 
 COMMIT_RETRIES = 50
@@ -222,24 +222,30 @@ class Lake:
             LakeError: The table or the version is missing, cannot be read, or is of a schema that
                 this LMTR does not know.
         """
+        delta = self.opened(table)
+        _require_known(table, delta)
+        latest = delta.version()
+        if version is not None and not 0 <= version <= latest:
+            raise LakeError(
+                f"table {table!r} has no version {version}; choose one of 0 to {latest}"
+            )
+        return delta if version is None else self.opened(table, version)
+
+    def opened(self, table: str, version: int | None = None) -> DeltaTable:
+        """The table as delta-rs has it, of whatever schema.
+
+        Raises:
+            LakeError: The table or the version is missing, or cannot be read.
+        """
         try:
-            delta = DeltaTable(self.uri(table), storage_options=self._options)
-            latest = delta.version()
-            if version is not None and not 0 <= version <= latest:
-                raise LakeError(
-                    f"table {table!r} has no version {version}; choose one of 0 to {latest}"
-                )
-            if version is not None:
-                delta.load_as_version(version)
+            return DeltaTable(self.uri(table), version, storage_options=self._options)
         except TableNotFoundError as error:
             raise LakeError(absent(table)) from error
         except (DeltaError, OSError) as error:
             raise LakeError(
-                f"table {table!r} cannot be read: {_line(error)}; check the files in "
-                f"{self.uri(table)}"
+                f"table {table!r} cannot be read: {_line(error)}; look what is wrong with "
+                "`lmtr lake check`"
             ) from error
-        _require_known(table, delta)
-        return delta
 
     def open_or_create(self, table: str) -> DeltaTable:
         """The table as delta-rs has it, made if it is not there.
@@ -336,7 +342,12 @@ class Lake:
         return (self.views() if asked else {}) | {table: self._dataset(table, version)}
 
     def _dataset(self, table: str, version: int | None) -> pads.Dataset:
-        return self.delta(table, version).to_pyarrow_dataset()
+        dataset = self.delta(table, version).to_pyarrow_dataset()
+        # Versions from before a migration lack the columns that it added: they read as null.
+        added = [
+            field for field in SCHEMAS[table] if dataset.schema.get_field_index(field.name) < 0
+        ]
+        return dataset.replace_schema(pa.schema([*dataset.schema, *added])) if added else dataset
 
     def _chosen(self, table: str, columns: Sequence[str] | None) -> pa.Schema:
         self.uri(table)
@@ -360,6 +371,11 @@ class Lake:
 def _require_known(table: str, delta: DeltaTable) -> None:
     """Refuse a table whose columns are not those of this LMTR's schema."""
     found, known = delta.metadata().configuration.get(VERSION_KEY), version_of(SCHEMAS[table])
+    if found in older_versions(table):
+        raise LakeError(
+            f"table {table!r} is of schema version {found}, this LMTR works with version {known}; "
+            "bring it up to date with `lmtr lake migrate`"
+        )
     columns = {field.name for field in delta.schema().fields}
     differing = sorted(columns.symmetric_difference(SCHEMAS[table].names))
     if found != known or differing:
@@ -390,4 +406,5 @@ def _select(
 
 
 def _line(error: Exception) -> str:
-    return " ".join(str(error).split())
+    said = str(error).partition("\n   0: ")[0]  # the rest is the trace of a stack
+    return " ".join(said.split())
