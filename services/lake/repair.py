@@ -103,6 +103,7 @@ def _set_aside(files: pafs.FileSystem, path: str) -> None:
     while files.get_file_info(target).type != pafs.FileType.NotFound:
         number += 1
         target = f"{QUARANTINE}/{number}/{path}"
+    files.create_dir(target.rpartition("/")[0])
     files.move(path, target)
 
 
