@@ -16,6 +16,7 @@ from services.lake.checks import conform
 from services.lake.sandbox import absent, evaluated
 from services.lake.schemas import SCHEMAS, version_of
 from services.lake.storage import Storage
+from services.objects.faults import Fault, fault, plain
 
 COMMIT_RETRIES = 50
 """How often delta-rs itself tries a commit that another writer was quicker with."""
@@ -53,7 +54,10 @@ class Lake:
 
     def exists(self, table: str) -> bool:
         """Whether a table is there."""
-        return DeltaTable.is_deltatable(self.uri(table), self._options)
+        try:
+            return DeltaTable.is_deltatable(self.uri(table), self._options)
+        except OSError as error:  # of an object store
+            raise self._unreadable(table, error) from error
 
     def version(self, table: str) -> int:
         """Present version of a table; every append raises it."""
@@ -224,14 +228,12 @@ class Lake:
         except TableNotFoundError as error:
             raise LakeError(absent(table)) from error
         except (DeltaError, OSError) as error:
-            raise LakeError(
-                f"table {table!r} cannot be read: {_line(error)}; check the files in "
-                f"{self.uri(table)}"
-            ) from error
+            raise self._unreadable(table, error) from error
         _require_known(table, delta)
         return delta
 
     def _open_or_create(self, table: str) -> DeltaTable:
+        self.storage.require_safe_commits()
         if not self.exists(table):
             schema = SCHEMAS[table]
             if not self.storage.is_remote:
@@ -285,11 +287,18 @@ class Lake:
             )
         return pa.schema([schema.field(name) for name in columns])
 
+    def _unreadable(self, table: str, error: Exception) -> LakeError:
+        cause, mend = self._fault(error, f"check the files in {self.uri(table)}")
+        return LakeError(f"table {table!r} cannot be read: {cause}; {mend}")
+
     def _unwritable(self, table: str, error: Exception) -> LakeError:
-        return LakeError(
-            f"table {table!r} cannot be written: {_line(error)}; check space and permissions of "
-            f"{self.uri(table)}"
-        )
+        cause, mend = self._fault(error, f"check space and permissions of {self.uri(table)}")
+        return LakeError(f"table {table!r} cannot be written: {cause}; {mend}")
+
+    def _fault(self, error: Exception, mend: str) -> Fault:
+        """What an error means: a store's own faults, or else its words."""
+        known = fault(error) if self.storage.is_remote else None
+        return known or Fault(plain(error), mend)
 
 
 def _require_known(table: str, delta: DeltaTable) -> None:
@@ -322,7 +331,3 @@ def _select(
     if limit is not None:
         parts.append(f"LIMIT {int(limit)}")
     return "\n".join(parts)
-
-
-def _line(error: Exception) -> str:
-    return " ".join(str(error).split())
