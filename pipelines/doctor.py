@@ -22,7 +22,12 @@ from pipelines.sections import ClusterSection
 from pipelines.workspace import Workspace
 from services.cache import machine_cache
 from services.cluster import Cluster
+from services.companion import companion_folder
 from services.errors import ServiceError
+from services.home import Home
+from services.objects.access import Access
+from services.objects.address import Address, is_address
+from services.objects.probe import round_trip_seconds
 
 LIBRARIES = (
     ("casadi", "casadi"),
@@ -31,12 +36,15 @@ LIBRARIES = (
     ("mlflow-skinny", "mlflow"),
     ("duckdb", "duckdb"),
     ("deltalake", "deltalake"),
+    ("obstore", "obstore"),
     ("pyarrow", "pyarrow"),
     ("faiss-cpu", "faiss"),
 )
 """Distribution and module of what the stages cannot do without."""
 
 LOW_DISK_GB = 5.0
+
+SLOW_STORE_S = 0.3
 
 
 @dataclass(frozen=True)
@@ -56,14 +64,14 @@ class Finding:
     fatal: bool = False
 
 
-def examine(root: Path, config: Configuration) -> bool:
-    """Print the findings for the home at ``root``; returns whether nothing fatal was found."""
+def examine(place: str, config: Configuration) -> bool:
+    """Print the findings for the home at ``place``; returns whether nothing fatal was found."""
     table = Table(title=f"LMTR {__version__}", header_style="bold")
     for column in ("", "what", "state", "what to do"):
         table.add_column(column, overflow="fold")
     healthy = True
     for look in _LOOKS:
-        for finding in look(root, config.cluster):
+        for finding in look(place, config.cluster):
             mark = "✗" if finding.fatal else "!" if finding.mend else "✓"
             table.add_row(mark, *map(Text, (finding.subject, finding.state, finding.mend)))
             healthy = healthy and not finding.fatal
@@ -71,12 +79,12 @@ def examine(root: Path, config: Configuration) -> bool:
     return healthy
 
 
-def _interpreter(_: Path, __: ClusterSection) -> Iterator[Finding]:
+def _interpreter(_: str, __: ClusterSection) -> Iterator[Finding]:
     yield Finding("python", f"{platform.python_version()} at {sys.executable}")
     yield Finding("code", code_version())
 
 
-def _libraries(_: Path, __: ClusterSection) -> Iterator[Finding]:
+def _libraries(_: str, __: ClusterSection) -> Iterator[Finding]:
     for distribution, module in LIBRARIES:
         try:
             import_module(module)
@@ -87,17 +95,18 @@ def _libraries(_: Path, __: ClusterSection) -> Iterator[Finding]:
             )
 
 
-def _machine(root: Path, _: ClusterSection) -> Iterator[Finding]:
+def _machine(place: str, _: ClusterSection) -> Iterator[Finding]:
     yield Finding("cores", str(os.cpu_count()))
-    place = next(folder for folder in (root, *root.absolute().parents) if folder.exists())
-    free = shutil.disk_usage(place).free / 1e9
+    root = _local_folder(place)
+    present = next(folder for folder in (root, *root.absolute().parents) if folder.exists())
+    free = shutil.disk_usage(present).free / 1e9
     low = free < LOW_DISK_GB
     yield Finding("free disk", f"{free:.1f} GB", "make room: runs may fail half-way" if low else "")
     ffmpeg = shutil.which("ffmpeg")
     yield Finding("ffmpeg", ffmpeg or "none", "" if ffmpeg else "install it for mp4 (gif works)")
 
 
-def _expert(_: Path, cluster: ClusterSection) -> Iterator[Finding]:
+def _expert(_: str, cluster: ClusterSection) -> Iterator[Finding]:
     compiler = c_compiler()
     yield Finding(
         "C compiler",
@@ -111,7 +120,7 @@ def _expert(_: Path, cluster: ClusterSection) -> Iterator[Finding]:
     yield Finding("compiled experts", f"{state} in {folder}", mend)
 
 
-def _cluster(_: Path, cluster: ClusterSection) -> Iterator[Finding]:
+def _cluster(_: str, cluster: ClusterSection) -> Iterator[Finding]:
     if cluster.address is None:
         yield Finding("Ray cluster", "none named: one is started on this machine for each stage")
         return
@@ -122,25 +131,53 @@ def _cluster(_: Path, cluster: ClusterSection) -> Iterator[Finding]:
         yield Finding("Ray cluster", str(error), "mend the address, or start it", fatal=True)
 
 
-def _home(root: Path, cluster: ClusterSection) -> Iterator[Finding]:
-    if not root.exists():
-        yield Finding("home", f"{root} is not there yet", "make one: lmtr run demo")
-        return
+def _home(place: str, cluster: ClusterSection) -> Iterator[Finding]:
     try:
-        workspace = Workspace.open(root, cluster, create=False)
-        yield Finding("home", str(root))
+        if not is_address(place) and not Path(place).exists():
+            yield Finding("home", f"{place} is not there yet", "make one: lmtr run demo")
+            return
+        workspace = Workspace.open(place, cluster, create=False)
+        yield Finding("home", workspace.home.name)
+        yield from _object_store(workspace.home)
         lake = workspace.lake
         for name in lake.tables():
             rows = lake.query_value(f'SELECT count(*) FROM "{name}"')
             yield Finding(f"table {name}", f"{rows} rows, version {lake.version(name)}")
-        if workspace.home.tracking_db.exists():
+        if workspace.home.shared_tracker or workspace.home.tracking_db.exists():
             workspace.tracker.experiment("training")
-            yield Finding("MLflow", f"{workspace.home.tracking_db} answers")
+            yield Finding("MLflow", f"{workspace.home.tracking_uri} answers")
     except ServiceError as error:
         yield Finding("home", str(error), "mend this first", fatal=True)
 
 
-_LOOKS: tuple[Callable[[Path, ClusterSection], Iterator[Finding]], ...] = (
+def _object_store(home: Home) -> Iterator[Finding]:
+    """What only a home in an object store has."""
+    if home.access is None:
+        return
+    yield Finding("companion folder", str(home.root))
+    seconds = round_trip_seconds(home.access)
+    slow = seconds > SLOW_STORE_S
+    yield Finding(
+        "object store",
+        f"{home.access.endpoint or 'Amazon S3'}, region {home.access.region}: answers in "
+        f"{seconds * 1e3:.0f} ms",
+        "use a store that is nearer: a commit takes several requests" if slow else "",
+    )
+    home.require_writable()
+    yield Finding("conditional writes", "honoured")
+
+
+def _local_folder(place: str) -> Path:
+    """Folder on this machine that a home fills; of a wrong address, which others report, this."""
+    try:
+        if is_address(place):
+            return companion_folder(Access.from_environment(Address.parse(place)))
+    except ServiceError:
+        return Path()
+    return Path(place)
+
+
+_LOOKS: tuple[Callable[[str, ClusterSection], Iterator[Finding]], ...] = (
     _interpreter,
     _libraries,
     _machine,

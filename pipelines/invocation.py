@@ -12,7 +12,9 @@ def command(workspace: Workspace) -> str:
     """``lmtr --home …`` for this home: by name where ``lmtr`` is on the path."""
     known = shutil.which("lmtr") is not None
     program = "lmtr" if known else str(short(Path(sys.argv[0]).absolute()))
-    return f"{shlex.quote(program)} --home {shlex.quote(str(short(workspace.home.root)))}"
+    home = workspace.home
+    place = str(short(home.root)) if home.access is None else home.name
+    return f"{shlex.quote(program)} --home {shlex.quote(place)}"
 
 
 def short(path: Path) -> Path:

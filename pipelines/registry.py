@@ -41,12 +41,13 @@ def is_trained(workspace: Workspace, model_id: str) -> bool:
 
 
 def load(workspace: Workspace, model_id: str) -> TrainedModel:
-    """Read a model.
+    """Read a model, after fetching it from the home's object store if need be.
 
     Raises:
         ModelError: Its folder is missing or damaged.
+        StoreError: The object store cannot be read, or the model is damaged there.
     """
-    return checkpoint.load(workspace.home.models / model_id)
+    return checkpoint.load(workspace.models.fetched(model_id))
 
 
 def models(

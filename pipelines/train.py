@@ -108,7 +108,7 @@ def _record(
     workspace: Workspace, experiment: str, data: LearningData, job: Job, model: TrainedModel
 ) -> None:
     """Log the run, put the model into its folder, and then make it known to the lake."""
-    folder = workspace.home.models / job.model_id
+    folder = workspace.models.folder(job.model_id)
     settings = {
         "model": job.model.model_dump(mode="json"),
         "optimizer": job.optimizer.model_dump(mode="json"),
@@ -123,6 +123,7 @@ def _record(
         run.figure(learning_figure({job.model.name: history}), "learning.png")
         checkpoint.save(model, folder)
         run.artifacts(folder, "model")
+    workspace.models.publish(job.model_id)
     row = {
         "model_id": job.model_id,
         "dataset_id": data.dataset_id,

@@ -9,15 +9,18 @@ from types import FrameType
 from pipelines.progress import say
 from pipelines.workspace import Workspace
 from services.errors import TrackingError
-from services.tracking import ui_command, ui_environment
+from services.tracking import is_server, ui_command, ui_environment
 
 
 def serve(workspace: Workspace, port: int) -> None:
-    """Serve the page on this machine until Ctrl-C or SIGTERM.
+    """Serve the page on this machine until Ctrl-C or SIGTERM; a tracking server has its own page.
 
     Raises:
         TrackingError: The port is taken, or the server ended by itself.
     """
+    if is_server(workspace.tracker.uri):
+        say(f"MLflow: {workspace.tracker.uri} is the page of these runs")
+        return
     _require_free(port)
     tracker = workspace.tracker
     experiment = tracker.experiment("evaluation")

@@ -1,4 +1,4 @@
-"""What every stage works with: the home folder, its lake and tracker, and the cluster."""
+"""What every stage works with: the home, its lake, models and tracker, and the cluster."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -8,6 +8,7 @@ from pipelines.sections import ClusterSection
 from services.cluster import Cluster
 from services.home import Home
 from services.lake.tables import Lake
+from services.models import ModelStore
 from services.tracking import Tracker
 
 
@@ -16,7 +17,7 @@ class Workspace:
     """A home and the services that run on it.
 
     Attributes:
-        home: The folder that holds everything.
+        home: The place that holds everything.
         cluster_settings: Where work is sent.
     """
 
@@ -25,10 +26,10 @@ class Workspace:
 
     @classmethod
     def open(
-        cls, root: Path, cluster_settings: ClusterSection | None = None, *, create: bool
+        cls, place: Path | str, cluster_settings: ClusterSection | None = None, *, create: bool
     ) -> "Workspace":
-        """Open the home at ``root``, or make it where ``create`` allows."""
-        return cls(Home.open(root, create=create), cluster_settings or ClusterSection())
+        """Open the home at a folder or address, or make it where ``create`` allows."""
+        return cls(Home.open(place, create=create), cluster_settings or ClusterSection())
 
     @cached_property
     def lake(self) -> Lake:
@@ -36,9 +37,14 @@ class Workspace:
         return Lake(self.home.lake)
 
     @cached_property
+    def models(self) -> ModelStore:
+        """The folders of the home's trained models."""
+        return ModelStore(self.home)
+
+    @cached_property
     def tracker(self) -> Tracker:
         """The experiment tracker of the home."""
-        return Tracker(f"sqlite:///{self.home.tracking_db}", self.home.artifacts)
+        return Tracker(self.home.tracking_uri, self.home.artifacts)
 
     def cluster(self, items: int, few: int = 0) -> Cluster:
         """A cluster for ``items`` pieces of work; use it in a ``with`` statement.

@@ -12,6 +12,10 @@ class HomeError(ServiceError):
     """The home folder cannot be read or written, or is of another version."""
 
 
+class StoreError(ServiceError):
+    """An object store cannot be reached, refuses us, or does not keep two writers apart."""
+
+
 class LakeError(ServiceError):
     """A table is missing, a row breaks its schema, or a query is not allowed."""
 

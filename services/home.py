@@ -1,28 +1,27 @@
-"""The home folder: the one place on a disk that holds everything LMTR makes.
-
-A home is known by its marker ``home.json``, written before anything else, so that a folder of
-somebody else's is never taken for one and never written to.
-"""
+"""The home: the one place that holds everything LMTR makes, a folder or a prefix of a store."""
 
 import errno
 import fcntl
-import json
 import os
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
+from services.companion import companion_folder, make_companion
 from services.errors import HomeError
+from services.marker import CONTENT, MARKER, require_known, require_unclaimed
+from services.objects import probe
+from services.objects.access import Access
+from services.objects.address import Address, is_address
+from services.objects.store import ObjectStore
 
-MARKER = "home.json"
+LAKE = "lake"
+"""Name of the lakehouse's folder, or the last part of its address."""
 
-VERSION = 1
-"""Version of the layout below a home; a home of a newer one is not touched."""
-
-APPLICATION = "lmtr"
+TRACKER_VARIABLE = "MLFLOW_TRACKING_URI"
+"""Environment variable that names a tracker which the machines of a shared home have in common."""
 
 
 @dataclass(frozen=True)
@@ -30,24 +29,34 @@ class Home:
     """An open home; all paths lie below ``root``.
 
     Attributes:
-        root: Absolute path of the folder.
+        root: Absolute path of the folder; of a home in an object store, its companion folder on
+            this machine.
+        access: The address of a home in an object store, and how it is reached; None of a folder.
+        shared_tracker: URI of the tracker that a home in an object store uses; empty for the
+            home's own.
     """
 
     root: Path
+    access: Access | None = None
+    shared_tracker: str = ""
 
     @classmethod
-    def open(cls, root: Path, *, create: bool) -> "Home":
-        """Open the home at ``root``.
+    def open(cls, place: Path | str, *, create: bool) -> "Home":
+        """Open the home at ``place``.
 
         Args:
-            root: Its folder, absolute or relative to the working directory.
+            place: Its folder, absolute or relative to the working directory, or its address
+                ``s3://bucket/prefix``, as text.
             create: Make a home where the folder is missing or empty, and require that it can be
                 written; otherwise it only has to be readable.
 
         Raises:
             HomeError: There is no home, it cannot be used, or the folder is somebody else's.
+            StoreError: The object store cannot be reached or is not safe for two writers.
         """
-        home = cls(Path(os.path.abspath(root.expanduser())))
+        if is_address(place):
+            return cls._open_remote(Address.parse(str(place)), create)
+        home = cls(Path(os.path.abspath(Path(place).expanduser())))
         try:
             home._claim(create)
         except OSError as error:
@@ -58,14 +67,24 @@ class Home:
         return home
 
     @property
-    def lake(self) -> Path:
-        """Folder of the lakehouse's tables."""
-        return self.root / "lake"
+    def name(self) -> str:
+        """What people call it: its folder or its address."""
+        return str(self.root if self.access is None else self.access.address)
+
+    @property
+    def lake(self) -> Path | str:
+        """Folder or address of the lakehouse's tables."""
+        return self.root / LAKE if self.access is None else f"{self.access.address}/{LAKE}"
 
     @property
     def tracking_db(self) -> Path:
         """SQLite file of the experiment tracker."""
         return self.root / "mlflow.db"
+
+    @property
+    def tracking_uri(self) -> str:
+        """Address of the experiment tracker, as MLflow writes it."""
+        return self.shared_tracker or f"sqlite:///{self.tracking_db}"
 
     @property
     def artifacts(self) -> Path:
@@ -99,7 +118,7 @@ class Home:
             except BlockingIOError as error:
                 file.seek(0)
                 raise HomeError(
-                    f"home {self.root}: process {file.read() or '?'} is busy with {name!r}; "
+                    f"home {self.name}: process {file.read() or '?'} is busy with {name!r}; "
                     "wait until it is done, or stop it"
                 ) from error
             file.truncate(0)
@@ -112,7 +131,10 @@ class Home:
 
         Raises:
             HomeError: It is read-only, or the disk is full.
+            StoreError: The object store refuses writes, or is not safe for two writers.
         """
+        if self.access is not None:
+            probe.require_conditional_writes(_lake_access(self.access))
         try:
             with tempfile.TemporaryFile(dir=self.root) as file:
                 file.write(b"?")
@@ -122,6 +144,14 @@ class Home:
                 "make room, or name another --home"
             ) from error
 
+    @classmethod
+    def _open_remote(cls, address: Address, create: bool) -> "Home":
+        access = Access.from_environment(address)
+        _claim_remote(ObjectStore(access), create)
+        folder = companion_folder(access)
+        make_companion(folder)
+        return cls(folder, access, os.environ.get(TRACKER_VARIABLE, ""))
+
     def _claim(self, create: bool) -> None:
         """Check the marker, or set it on a folder that is missing or empty."""
         if self.root.exists() and not self.root.is_dir():
@@ -130,43 +160,41 @@ class Home:
             self.root.mkdir(parents=True, exist_ok=True)
         marker = self.root / MARKER
         if not marker.exists():
-            self._require_unclaimed(create)
+            there = self.root.iterdir() if self.root.exists() else ()
+            present = sorted(entry.name for entry in there)
+            # A marker that another process is just writing is no foreign file.
+            foreign = [name for name in present if not name.startswith(f".{MARKER}.")]
+            require_unclaimed(self.name, foreign, create=create)
             self._mark()
-        self._require_known(marker)
+        require_known(self.name, marker.read_bytes())
         needed = os.R_OK | os.X_OK | (os.W_OK if create else 0)
         if not os.access(self.root, needed):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(self.root))
 
-    def _require_unclaimed(self, create: bool) -> None:
-        present = sorted(entry.name for entry in self.root.iterdir()) if self.root.exists() else []
-        # A marker that another process is just writing is no foreign file.
-        foreign = [name for name in present if not name.startswith(f".{MARKER}.")]
-        if foreign:
-            raise HomeError(
-                f"home {self.root}: the folder holds other things ({foreign[0]!r}, …) and no "
-                f"{MARKER}; choose an empty or a new folder with --home"
-            )
-        if not create:
-            raise HomeError(f"there is no LMTR home at {self.root}; make one with `lmtr run demo`")
-
     def _mark(self) -> None:
-        content = {"application": APPLICATION, "version": VERSION}
         partial = self.root / f".{MARKER}.{os.getpid()}"
-        partial.write_text(json.dumps(content) + "\n", encoding="ascii")
+        partial.write_text(CONTENT, encoding="ascii")
         os.replace(partial, self.root / MARKER)
 
-    def _require_known(self, marker: Path) -> None:
-        try:
-            content: Any = json.loads(marker.read_text(encoding="utf-8"))
-        except ValueError:
-            content = None
-        if not isinstance(content, dict) or content.get("application") != APPLICATION:
-            raise HomeError(
-                f"home {self.root}: its {MARKER} is not LMTR's; choose another folder with --home"
-            )
-        version = content.get("version")
-        if not isinstance(version, int) or version > VERSION:
-            raise HomeError(
-                f"home {self.root} is of version {version}, this LMTR knows versions up to "
-                f"{VERSION}; update LMTR, or choose another folder with --home"
-            )
+
+def _claim_remote(store: ObjectStore, create: bool) -> None:
+    """Check the marker in a store, or set it where there is nothing else."""
+    name, marker = str(store.access.address), store.get(MARKER)
+    if marker is None:
+        # Another process may just be making this home: what it writes is not foreign.
+        keys = store.first_keys()
+        marker = store.get(MARKER) if MARKER in keys else None
+        if marker is None:
+            foreign = [key for key in keys if key != f"{LAKE}/{probe.KEY}"]
+            require_unclaimed(name, foreign, create=create)
+    if create:
+        probe.require_conditional_writes(_lake_access(store.access))
+    if marker is None:
+        store.put_new(MARKER, CONTENT.encode())
+        marker = store.get(MARKER)
+    require_known(name, marker or b"")
+
+
+def _lake_access(access: Access) -> Access:
+    """The access to the lake of a home: commits to it are what must be safe."""
+    return replace(access, address=access.address / LAKE)

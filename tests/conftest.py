@@ -1,12 +1,15 @@
-"""Walks for all tests: kinematically plausible motions that need no optimizer."""
+"""For all tests: walks that need no optimizer, and servers that speak S3."""
 
-from collections.abc import Callable
+import os
+import uuid
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 import pytest
 from hypothesis import settings
+from s3_servers import S3Server, moto_server, radosgw_server
 
 from lmtr.expert.initial_guess import base_control_points, initial_guess
 from lmtr.expert.settings import Scope
@@ -85,3 +88,37 @@ def walk_segments(walk: Callable) -> TrainingData:
     return TrainingData(
         np.concatenate([p.x for p in parts]), np.concatenate([p.tau for p in parts])
     )
+
+
+@pytest.fixture(scope="session")
+def moto() -> Iterator[S3Server]:
+    """Moto's S3 server."""
+    with moto_server() as server:
+        yield server
+
+
+@pytest.fixture(scope="session")
+def radosgw(tmp_path_factory) -> Iterator[S3Server]:
+    """A real S3 server."""
+    with radosgw_server(tmp_path_factory.mktemp("ceph")) as server:
+        yield server
+
+
+@pytest.fixture
+def reach(monkeypatch, tmp_path) -> Callable[[S3Server], None]:
+    """Sets the environment so that a server is reached, and companion folders lie apart."""
+
+    def set_environment(server: S3Server) -> None:
+        monkeypatch.setenv("LMTR_STATE", str(tmp_path / "state"))
+        for name in [name for name in os.environ if name.startswith(("AWS_", "MLFLOW_TRACKING"))]:
+            monkeypatch.delenv(name)
+        for name, value in server.environment.items():
+            monkeypatch.setenv(name, value)
+
+    return set_environment
+
+
+@pytest.fixture
+def prefix() -> str:
+    """A prefix of the bucket that nobody else uses."""
+    return f"p{uuid.uuid4().hex[:12]}"

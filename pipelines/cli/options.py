@@ -1,7 +1,6 @@
 """Options that several commands share, and what they resolve to."""
 
 import os
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -12,13 +11,13 @@ from pipelines.workspace import Workspace
 if TYPE_CHECKING:
     from pipelines.learning_data import LearningData
 
-DEFAULT_HOME = Path("lmtr-home")
+DEFAULT_HOME = "lmtr-home"
 
 HomeOption = Annotated[
-    Path | None,
+    str | None,
     typer.Option(
         "--home",
-        help="Folder that holds everything: lake, models, runs, reports. "
+        help="Folder, or s3://bucket/prefix, that holds everything: lake, models, runs, reports. "
         "[default: $LMTR_HOME or ./lmtr-home]",
         show_default=False,
     ),
@@ -49,15 +48,17 @@ WorkersOption = Annotated[
 ]
 
 
-def resolve_home(ctx: typer.Context, home: Path | None) -> Path:
-    """The home given after the command, before it, in LMTR_HOME, or the default, in this order."""
-    before: Path | None = ctx.find_root().params.get("home")
-    from_environment = os.environ.get("LMTR_HOME")
+def resolve_home(ctx: typer.Context, home: str | None) -> str:
+    """The home given after the command, before it, in LMTR_HOME, or the default, in this order.
+
+    It stays text: as a path, an address would lose one of its slashes.
+    """
+    before: str | None = ctx.find_root().params.get("home")
     if home is not None:
         return home
     if before is not None:
         return before
-    return Path(from_environment) if from_environment else DEFAULT_HOME
+    return os.environ.get("LMTR_HOME") or DEFAULT_HOME
 
 
 def configuration(
@@ -77,7 +78,7 @@ def configuration(
 
 
 def workspace(
-    ctx: typer.Context, home: Path | None, config: Configuration, *, create: bool = False
+    ctx: typer.Context, home: str | None, config: Configuration, *, create: bool = False
 ) -> Workspace:
     """The workspace that the options name, for a command that writes to it."""
     space = Workspace.open(resolve_home(ctx, home), config.cluster, create=create)
@@ -85,12 +86,12 @@ def workspace(
     return space
 
 
-def archive(ctx: typer.Context, home: Path | None) -> Workspace:
+def archive(ctx: typer.Context, home: str | None) -> Workspace:
     """The workspace that the options name, for a command that only reads it."""
     return Workspace.open(resolve_home(ctx, home), Configuration().cluster, create=False)
 
 
-def keeper(ctx: typer.Context, home: Path | None) -> Workspace:
+def keeper(ctx: typer.Context, home: str | None) -> Workspace:
     """The workspace that the options name, for a command that looks after what is in it."""
     return workspace(ctx, home, Configuration())
 

@@ -1,14 +1,14 @@
 """Where a lake lies: a folder of this machine, or a prefix of an object store."""
 
 import os
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import unquote
 
 from services.errors import LakeError
-
-REMOTE = "s3://"
+from services.objects.access import Access
+from services.objects.address import Address, is_address
+from services.objects.probe import require_conditional_writes
 
 
 @dataclass(frozen=True)
@@ -17,24 +17,26 @@ class Storage:
 
     Attributes:
         root: Absolute path of a folder, or ``s3://bucket/prefix``; without a slash at its end.
-        options: What delta-rs needs to reach an object store; empty for a folder.
+        access: How an object store is reached; None for a folder.
     """
 
     root: str
-    options: Mapping[str, str] = field(default_factory=dict, repr=False)
+    access: Access | None = None
 
     @classmethod
     def at(cls, place: "Path | str | Storage") -> "Storage":
-        """The storage at a path or address.
+        """The storage at a path or address; how a store is reached is read from the environment.
 
         Raises:
             LakeError: delta-rs would look in another place.
+            StoreError: The address or the environment is wrong.
         """
         if isinstance(place, Storage):
             return place
-        text = str(place)
-        if not text.startswith(REMOTE):
-            text = os.path.abspath(text)
+        if is_address(place):
+            address = Address.parse(str(place))
+            return cls(str(address), Access.from_environment(address))
+        text = os.path.abspath(place)
         # delta-rs takes %XX in a path for an escape and then looks in another folder.
         if unquote(text) != text:
             raise LakeError(
@@ -46,7 +48,21 @@ class Storage:
     @property
     def is_remote(self) -> bool:
         """Whether it is an object store."""
-        return self.root.startswith(REMOTE)
+        return self.access is not None
+
+    @property
+    def options(self) -> dict[str, str]:
+        """What delta-rs needs to reach an object store; empty for a folder."""
+        return {} if self.access is None else self.access.lake_options
+
+    def require_safe_commits(self) -> None:
+        """Refuse an object store in which two writers would overwrite one another's commits.
+
+        Raises:
+            StoreError: It is one, or it cannot be reached or written to.
+        """
+        if self.access is not None:
+            require_conditional_writes(self.access)
 
     @property
     def folder(self) -> Path:

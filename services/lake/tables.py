@@ -16,6 +16,7 @@ from services.lake.checks import conform
 from services.lake.sandbox import absent, evaluated
 from services.lake.schemas import SCHEMAS, older_versions, version_of
 from services.lake.storage import Storage
+from services.objects.faults import Fault, fault, plain
 
 COMMIT_RETRIES = 50
 """How often delta-rs itself tries a commit that another writer was quicker with."""
@@ -53,7 +54,10 @@ class Lake:
 
     def exists(self, table: str) -> bool:
         """Whether a table is there."""
-        return DeltaTable.is_deltatable(self.uri(table), self._options)
+        try:
+            return DeltaTable.is_deltatable(self.uri(table), self._options)
+        except OSError as error:  # of an object store
+            raise self._unreadable(table, error) from error
 
     def version(self, table: str) -> int:
         """Present version of a table; every append raises it."""
@@ -242,10 +246,7 @@ class Lake:
         except TableNotFoundError as error:
             raise LakeError(absent(table)) from error
         except (DeltaError, OSError) as error:
-            raise LakeError(
-                f"table {table!r} cannot be read: {_line(error)}; look what is wrong with "
-                "`lmtr lake check`"
-            ) from error
+            raise self._unreadable(table, error) from error
 
     def open_or_create(self, table: str) -> DeltaTable:
         """The table as delta-rs has it, made if it is not there.
@@ -253,6 +254,7 @@ class Lake:
         Raises:
             LakeError: It cannot be made or opened.
         """
+        self.storage.require_safe_commits()
         try:
             for _ in range(CONFLICT_RETRIES):
                 with suppress(CommitFailedError):  # another process makes it
@@ -270,10 +272,7 @@ class Lake:
         try:
             delta.update_incremental()
         except (DeltaError, OSError) as error:
-            raise LakeError(
-                f"table {table!r} cannot be read: {_line(error)}; check the files in "
-                f"{self.uri(table)}"
-            ) from error
+            raise self._unreadable(table, error) from error
 
     def commit(
         self,
@@ -361,11 +360,18 @@ class Lake:
             )
         return pa.schema([schema.field(name) for name in columns])
 
+    def _unreadable(self, table: str, error: Exception) -> LakeError:
+        cause, mend = self._fault(error, "look what is wrong with `lmtr lake check`")
+        return LakeError(f"table {table!r} cannot be read: {cause}; {mend}")
+
     def _unwritable(self, table: str, error: Exception) -> LakeError:
-        return LakeError(
-            f"table {table!r} cannot be written: {_line(error)}; check space and permissions of "
-            f"{self.uri(table)}"
-        )
+        cause, mend = self._fault(error, f"check space and permissions of {self.uri(table)}")
+        return LakeError(f"table {table!r} cannot be written: {cause}; {mend}")
+
+    def _fault(self, error: Exception, mend: str) -> Fault:
+        """What an error means: a store's own faults, or else its words."""
+        known = fault(error) if self.storage.is_remote else None
+        return known or Fault(plain(error), mend)
 
 
 def _require_known(table: str, delta: DeltaTable) -> None:
@@ -403,8 +409,3 @@ def _select(
     if limit is not None:
         parts.append(f"LIMIT {int(limit)}")
     return "\n".join(parts)
-
-
-def _line(error: Exception) -> str:
-    said = str(error).partition("\n   0: ")[0]  # the rest is the trace of a stack
-    return " ".join(said.split())

@@ -16,9 +16,10 @@ PLACES = (("experiments", "artifact_location"), ("runs", "artifact_uri"))
 def follow_moved_artifacts(uri: str, artifacts: Path) -> None:
     """Point all experiments and runs of a SQLite tracker at ``artifacts`` below its home.
 
-    Only places that end in the same folder name are changed: those that this tracker made.
+    Only places that end in the same folder name are changed: those that this tracker made. A
+    database elsewhere belongs to others as well and is left alone.
     """
-    if not uri.startswith(SQLITE):
+    if not uri.startswith(SQLITE) or Path(uri.removeprefix(SQLITE)).parent != artifacts.parent:
         return
     here = artifacts.as_uri()
     with closing(sqlite3.connect(uri.removeprefix(SQLITE))) as database, database:

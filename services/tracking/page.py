@@ -10,7 +10,7 @@ DEFAULT_PORT = 5000
 def ui_command(home: Home, port: int = DEFAULT_PORT) -> list[str]:
     """Command that serves the page to this machine alone; run it with :func:`ui_environment`."""
     options = {
-        "backend-store-uri": f"sqlite:///{home.tracking_db}",
+        "backend-store-uri": home.tracking_uri,
         "default-artifact-root": home.artifacts.as_uri(),
         "host": "127.0.0.1",
         "port": str(port),

@@ -21,12 +21,17 @@ if TYPE_CHECKING:
 NOISY_LOGGERS = ("alembic", "mlflow.store.db.utils", "mlflow.utils.validation")
 
 
+def is_server(uri: str) -> bool:
+    """Whether a tracker is a server, which has a page and keeps the files of runs by itself."""
+    return uri.startswith(("http://", "https://"))
+
+
 class Tracker:
     """The experiment tracker behind one URI.
 
     Args:
-        uri: MLflow's tracking URI, such as ``sqlite:////home/mlflow.db``.
-        artifacts: Folder for the files of runs; made when it is needed.
+        uri: MLflow's tracking URI, such as ``sqlite:////home/mlflow.db`` or that of a server.
+        artifacts: Folder for the files of runs; made when it is needed, and not with a server.
     """
 
     def __init__(self, uri: str, artifacts: Path) -> None:
@@ -89,7 +94,8 @@ class Tracker:
         from mlflow.exceptions import MlflowException
 
         try:
-            made = self._client.create_experiment(name, artifact_location=self.artifacts.as_uri())
+            place = None if is_server(self.uri) else self.artifacts.as_uri()
+            made = self._client.create_experiment(name, artifact_location=place)
             return str(made)
         except MlflowException as error:
             # Another process was quicker.
