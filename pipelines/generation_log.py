@@ -75,13 +75,31 @@ class LoggedTally:
 def generation_log(
     config: Configuration, workspace: Workspace, tally: GenerationTally
 ) -> Iterator[LoggedTally]:
-    """A run of the tracker for one call of ``lmtr generate``."""
-    with ExitStack() as stack:
-        logged = LoggedTally(tally, _run(stack, config, workspace))
-        try:
-            yield logged
-        finally:
-            logged.send()
+    """A run of the tracker for one call of ``lmtr generate``.
+
+    What ends the block ends the run, and is what the user hears of, whatever the tracker says.
+    """
+    stack = ExitStack()
+    logged = LoggedTally(tally, _run(stack, config, workspace))
+    try:
+        yield logged
+    except BaseException as error:
+        logged.send()
+        _end(stack, error)
+        raise
+    logged.send()
+    _end(stack, None)
+
+
+def _end(stack: ExitStack, error: BaseException | None) -> None:
+    """Close the run as finished, failed or killed."""
+    try:
+        stack.__exit__(type(error) if error else None, error, None)
+    except TrackingError as fault:
+        logger.warning("generate: the tracker keeps no end of this run: %s", fault)
+    except BaseException as same:
+        if same is not error:
+            raise
 
 
 def _run(stack: ExitStack, config: Configuration, workspace: Workspace) -> Run | None:

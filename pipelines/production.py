@@ -129,6 +129,7 @@ def _work(
 ) -> None:
     total = len(missing)
     with workspace.cluster(total, plan.few) as cluster, bar(plan.title, total) as progress:
+        stop.listen()  # Ray, when it starts, takes SIGTERM for itself
         order = Order(
             make_worker=plan.make_worker,
             make_sink=sink,

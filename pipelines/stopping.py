@@ -21,6 +21,12 @@ class Stop:
         """Whether the user has asked to stop."""
         return self._asked
 
+    def listen(self) -> None:
+        """Take the signals from now on; outside the main thread nothing can ask."""
+        if threading.current_thread() is threading.main_thread():
+            for number in SIGNALS:
+                signal.signal(number, self.ask)
+
     def ask(self, _signal: int, _frame: FrameType | None) -> None:
         """Take the signal; the second one stops at once."""
         if self._asked:
@@ -33,12 +39,11 @@ class Stop:
 def stop_on_signals() -> Iterator[Stop]:
     """Take the signals inside the block; elsewhere than in the main thread nothing can ask."""
     stop = Stop()
-    if threading.current_thread() is not threading.main_thread():
-        yield stop
-        return
-    before = {number: signal.signal(number, stop.ask) for number in SIGNALS}
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    stop.listen()
     try:
         yield stop
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        if threading.current_thread() is threading.main_thread():
+            for number, handler in before.items():
+                signal.signal(number, handler)

@@ -112,7 +112,7 @@ class Tracker:
             warnings.simplefilter("ignore")
             from mlflow import MlflowClient
         for logger in NOISY_LOGGERS:
-            logging.getLogger(logger).setLevel(logging.ERROR)
+            logging.getLogger(logger).setLevel(logging.CRITICAL)
         with _alone(self.uri):
             client = MlflowClient(tracking_uri=self.uri)
             client.search_experiments(max_results=1)
