@@ -123,7 +123,7 @@ def generate(
         with generation_log(config, workspace, tally) as logged:
             complete = produce(workspace, _plan(config, make_expert), logged)
         lake.compact("solutions")
-    say(f"generate: {dataset_id}: {tally.words()}; table version {lake.version('solutions')}")
+    say(f"generate: {dataset_id}: {tally.result()}; table version {lake.version('solutions')}")
     if not complete:
         kept = _solved(workspace, dataset_id)
         say(

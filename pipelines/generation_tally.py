@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Mapping
 
 from pipelines.provenance import code_version
@@ -12,6 +12,9 @@ from services.lake.sink import Receipt
 RATE_OVER_S = 60.0
 """Time over which the present rate is told (s)."""
 
+RATE_STEP_S = 1.0
+"""Time between two counts that are kept for it (s)."""
+
 
 class GenerationTally:
     """Counts solutions as they are made and as they are kept."""
@@ -19,7 +22,7 @@ class GenerationTally:
     def __init__(self, dataset_id: str) -> None:
         self._dataset_id = dataset_id
         self._began = time.monotonic()
-        self._recent: list[tuple[float, int]] = [(self._began, 0)]
+        self._recent = deque([(self._began, 0)])
         self.solved = 0
         self.accepted = 0
         self.committed = 0
@@ -37,9 +40,10 @@ class GenerationTally:
         self.statuses[note["status"]] += 1
         self.reasons.update(note["reasons"])
         now = time.monotonic()
-        self._recent.append((now, self.solved))
+        if now - self._recent[-1][0] > RATE_STEP_S:
+            self._recent.append((now, self.solved))
         while len(self._recent) > 2 and now - self._recent[0][0] > RATE_OVER_S:
-            self._recent.pop(0)
+            self._recent.popleft()
         return 1
 
     def trouble(self, trouble: Trouble) -> None:
@@ -69,6 +73,15 @@ class GenerationTally:
         others = {k: n for k, n in self.statuses.most_common() if k != "converged"}
         parts = [f"{self.rate:.1f}/s", f"{self.accepted_share:.0%} accepted"]
         parts += [f"{count} {kind}" for kind, count in (others | self.troubles).items()]
+        return ", ".join(parts)
+
+    def result(self) -> str:
+        """What all of it came to, in one line."""
+        seconds = time.monotonic() - self._began
+        kinds = ", ".join(f"{count} {kind}" for kind, count in self.statuses.most_common())
+        parts = [f"{self.solved} solved in {seconds:.0f} s ({kinds or 'none'})"]
+        parts.append(f"{self.accepted_share:.0%} accepted")
+        parts += [f"mended: {count} {kind}" for kind, count in self.troubles.items()]
         return ", ".join(parts)
 
     def numbers(self) -> dict[str, float]:
