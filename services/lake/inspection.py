@@ -107,8 +107,6 @@ class Inspection:
 
 def table_files(lake: Lake, table: str) -> pafs.FileSystem:
     """The files of a table, on whatever storage; paths are relative to the table."""
-    if not lake.storage.is_remote:
-        return pafs.SubTreeFileSystem(lake.uri(table), pafs.LocalFileSystem())
     options = dict(lake.storage.options) or None
     return pafs.PyFileSystem(DeltaStorageHandler(lake.uri(table), options))
 

@@ -6,6 +6,7 @@ vouches for and that the table lacks are added again. A repair that is killed is
 next one: each step leaves the table no worse, and the rows that are lacking are always asked anew.
 """
 
+import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -103,7 +104,6 @@ def _set_aside(files: pafs.FileSystem, path: str) -> None:
     while files.get_file_info(target).type != pafs.FileType.NotFound:
         number += 1
         target = f"{QUARANTINE}/{number}/{path}"
-    files.create_dir(target.rpartition("/")[0])
     files.move(path, target)
 
 
@@ -127,21 +127,21 @@ def _salvage(lake: Lake, files: pafs.FileSystem, done: Repair) -> None:
     if not sources:
         return
     number = lake.next_number(done.table, APP_ID)
-    rows = _lacking(lake, files, sources, done)
-    first = next(rows, None)
-    if first is None:
-        return
-    schema = SCHEMAS[done.table]
-    reader = pa.RecordBatchReader.from_batches(schema, _chained(first, rows))
     notes = {"lmtr.repair": f"rows salvaged from {len(sources)} files"}
-    write_deltalake(
-        lake.open_or_create(done.table),
-        reader,
-        mode="append",
-        commit_properties=CommitProperties(
-            app_transactions=[Transaction(APP_ID, number)], custom_metadata=notes
-        ),
+    properties = CommitProperties(
+        app_transactions=[Transaction(APP_ID, number)], custom_metadata=notes
     )
+    # Rows go by way of the disk: delta-rs cannot read its own storage while it writes to it.
+    with tempfile.TemporaryFile() as spool:
+        with pa.ipc.new_stream(spool, SCHEMAS[done.table]) as writer:
+            for batch in _lacking(lake, files, sources, done):
+                writer.write_batch(batch)
+        spool.seek(0)
+        if done.salvaged:
+            rows = pa.ipc.open_stream(spool)
+            write_deltalake(
+                lake.open_or_create(done.table), rows, mode="append", commit_properties=properties
+            )
 
 
 def _sources(files: pafs.FileSystem) -> list[str]:
@@ -217,8 +217,3 @@ class _Known:
 
     def _identities(self, rows: pa.Table) -> list[tuple[object, ...]]:
         return list(zip(*(rows[key].to_pylist() for key in self._keys), strict=True))
-
-
-def _chained(first: pa.RecordBatch, rest: Iterator[pa.RecordBatch]) -> Iterator[pa.RecordBatch]:
-    yield first
-    yield from rest
