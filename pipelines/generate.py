@@ -120,17 +120,19 @@ def generate(
         announce(config, workspace)
         _register(config, workspace)  # only what can be solved becomes a data set
         tally = GenerationTally(dataset_id)
-        with generation_log(config, workspace, tally) as logged:
-            complete = produce(workspace, _plan(config, make_expert), logged)
+        try:
+            with generation_log(config, workspace, tally) as logged:
+                if not produce(workspace, _plan(config, make_expert), logged):
+                    raise KeyboardInterrupt
+        except KeyboardInterrupt:
+            kept = _solved(workspace, dataset_id)
+            say(
+                f"generate: {dataset_id}: stopped with {kept} of {config.dataset.solutions} "
+                "solutions; run the same command to go on"
+            )
+            raise
         lake.compact("solutions")
     say(f"generate: {dataset_id}: {tally.result()}; table version {lake.version('solutions')}")
-    if not complete:
-        kept = _solved(workspace, dataset_id)
-        say(
-            f"generate: stopped with {kept} of {config.dataset.solutions} solutions; "
-            "run the same command to go on"
-        )
-        raise KeyboardInterrupt
     return dataset_id
 
 

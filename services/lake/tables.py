@@ -186,7 +186,8 @@ class Lake:
     def compact(self, table: str) -> None:
         """Join the small files of many appends into few large ones.
 
-        Old files stay, so that every version can still be read.
+        Old files stay, so that every version can still be read. If another process joins the same
+        files at once, its work stands.
         """
         try:
             delta = self.delta(table)
@@ -194,6 +195,8 @@ class Lake:
                 commit_properties=CommitProperties(max_commit_retries=COMMIT_RETRIES)
             )
             delta.create_checkpoint()
+        except CommitFailedError:
+            return
         except (DeltaError, OSError) as error:
             raise self._unwritable(table, error) from error
 

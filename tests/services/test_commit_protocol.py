@@ -236,3 +236,30 @@ def test_writers_at_once_leave_one_row_for_each_key(tmp_path, spawn):
         racer.communicate(timeout=120)
         assert racer.returncode == 0
     assert sorted(found(Lake(tmp_path / "lake"))) == list(range(62))
+
+
+COMPACTOR = """
+import sys
+from services.lake.tables import Lake
+print("ready", flush=True)
+sys.stdin.readline()
+for _ in range(5):
+    Lake(sys.argv[1]).compact("solutions")
+"""
+
+
+def test_writers_and_compactions_at_once_lose_nothing(tmp_path, spawn):
+    appender = Appender(Lake(tmp_path / "lake"), GROUP)
+    for key in KEYS:
+        appender.append(solutions([key]))
+    others = [spawn(COMPACTOR, tmp_path / "lake") for _ in range(3)]
+    assert [other.stdout.readline() for other in others] == ["ready\n"] * 3
+    for other in others:
+        other.stdin.write("go\n")
+        other.stdin.flush()
+    for key in range(len(KEYS), 30):
+        appender.append(solutions([key]))
+    for other in others:
+        other.communicate(timeout=120)
+        assert other.returncode == 0
+    assert sorted(found(Lake(tmp_path / "lake"))) == list(range(30))
