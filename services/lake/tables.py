@@ -13,6 +13,7 @@ from deltalake.exceptions import CommitFailedError, DeltaError, TableNotFoundErr
 
 from services.errors import LakeError
 from services.lake.checks import conform
+from services.lake.exclusive import lock_of, rewriting
 from services.lake.sandbox import absent, evaluated
 from services.lake.schemas import SCHEMAS, older_versions, version_of
 from services.lake.storage import Storage
@@ -172,33 +173,41 @@ class Lake:
         Earlier versions keep them.
 
         Raises:
-            LakeError: The table cannot be written.
+            LakeError: The table cannot be written, or another process replaces its files.
         """
         if not self.exists(table):
             return 0
-        properties = CommitProperties(max_commit_retries=COMMIT_RETRIES)
-        try:
-            done = self.delta(table).delete(where, commit_properties=properties)
-        except (DeltaError, OSError) as error:
-            raise self._unwritable(table, error) from error
+        with rewriting(self.storage, table) as alone:
+            if not alone:
+                raise LakeError(
+                    f"table {table!r}: another process replaces its files; wait until it is done "
+                    f"(its lock: {lock_of(self.storage, table)})"
+                )
+            try:
+                done = self.delta(table).delete(where, commit_properties=_retried())
+            except (DeltaError, OSError) as error:
+                raise self._unwritable(table, error) from error
         return int(done["num_deleted_rows"])
 
-    def compact(self, table: str) -> None:
+    def compact(self, table: str) -> bool:
         """Join the small files of many appends into few large ones.
 
-        Old files stay, so that every version can still be read. If another process joins the same
-        files at once, its work stands.
+        Old files stay, so that every version can still be read.
+
+        Returns:
+            Whether it was done; False if another process is at it.
         """
-        try:
-            delta = self.delta(table)
-            delta.optimize.compact(
-                commit_properties=CommitProperties(max_commit_retries=COMMIT_RETRIES)
-            )
-            delta.create_checkpoint()
-        except CommitFailedError:
-            return
-        except (DeltaError, OSError) as error:
-            raise self._unwritable(table, error) from error
+        delta = self.delta(table)
+        with rewriting(self.storage, table) as alone:
+            if not alone:
+                return False
+            try:
+                self.refresh(table, delta)
+                delta.optimize.compact(commit_properties=_retried())
+                delta.create_checkpoint()
+            except (DeltaError, OSError) as error:
+                raise self._unwritable(table, error) from error
+        return True
 
     def _append_once(self, table: str, rows: pa.Table, transaction: Transaction) -> bool:
         delta = self.open_or_create(table)
@@ -375,6 +384,10 @@ class Lake:
         """What an error means: a store's own faults, or else its words."""
         known = fault(error) if self.storage.is_remote else None
         return known or Fault(plain(error), mend)
+
+
+def _retried() -> CommitProperties:
+    return CommitProperties(max_commit_retries=COMMIT_RETRIES)
 
 
 def _require_known(table: str, delta: DeltaTable) -> None:

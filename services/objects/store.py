@@ -68,6 +68,11 @@ class ObjectStore:
                 return False
         return True
 
+    def delete(self, key: str) -> None:
+        """Remove an object, if it is there."""
+        with self._explained("written to"):
+            self._store.delete(key)
+
     def first_keys(self) -> list[str]:
         """Keys of the first few objects, in their order."""
         with self._explained("listed"):
