@@ -8,6 +8,7 @@ from pipelines.lake_care.rendering import said, size
 from pipelines.lake_care.tables import chosen
 from pipelines.workspace import Workspace
 from services.lake import maintenance
+from services.lake.exclusive import lock_of
 from services.lake.inspection import data_files
 from services.lake.migration import migrate as migrate_table
 from services.lake.migration import outdated
@@ -19,7 +20,9 @@ def compact(workspace: Workspace, tables: Sequence[str] = ()) -> None:
     lake = workspace.lake
     for name in chosen(tables, lake.tables()):
         before = len(data_files(lake.delta(name)))
-        lake.compact(name)
+        if not lake.compact(name):
+            said(f"{name}: left alone, another process is at it ({lock_of(lake.storage, name)})")
+            continue
         after = len(data_files(lake.delta(name)))
         said(f"{name}: {before} files, now {after}")
 
