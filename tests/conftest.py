@@ -92,7 +92,7 @@ def walk_segments(walk: Callable) -> TrainingData:
 
 @pytest.fixture(scope="session")
 def moto() -> Iterator[S3Server]:
-    """moto's S3 server."""
+    """Moto's S3 server."""
     with moto_server() as server:
         yield server
 

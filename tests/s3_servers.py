@@ -82,7 +82,7 @@ class S3Server:
 
 @contextmanager
 def moto_server() -> Iterator[S3Server]:
-    """moto's server, with the bucket made."""
+    """Moto's server, with the bucket made."""
     with _running([sys.executable, "-c", MOTO], stdout=subprocess.PIPE, text=True) as process:
         server = S3Server(f"http://127.0.0.1:{int(process.stdout.readline())}")
         server.client().create_bucket(Bucket=BUCKET)
@@ -182,7 +182,7 @@ def dropping_conditions(server: S3Server) -> Iterator[S3Server]:
             content = reply.read()
             _reply(self, reply.status, content, dict(reply.headers))
 
-        do_GET = do_PUT = do_POST = do_DELETE = do_HEAD = answer  # noqa: N815
+        do_GET = do_PUT = do_POST = do_DELETE = do_HEAD = answer
 
     with _served(Proxy) as endpoint:
         yield S3Server(endpoint)
@@ -197,7 +197,7 @@ def always_answering(status: int, code: str) -> Iterator[S3Server]:
             self.rfile.read(int(self.headers.get("Content-Length", 0)))
             _reply(self, status, f"<Error><Code>{code}</Code></Error>".encode(), {})
 
-        do_GET = do_PUT = do_POST = answer  # noqa: N815
+        do_GET = do_PUT = do_POST = answer
 
     with _served(Refusal) as endpoint:
         yield S3Server(endpoint)
