@@ -1,6 +1,7 @@
 """Object stores: what is refused before any work is done, and how it is said."""
 
 import re
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from urllib.request import Request
 from uuid import uuid4
@@ -51,6 +52,18 @@ def test_a_store_that_keeps_writers_apart_is_asked_once_and_leaves_no_litter(sto
         probe.require_conditional_writes(store.access)
     assert set(moto.objects(prefix)) == {f"{prefix}/{probe.KEY}"}
     assert probe.round_trip_seconds(store.access) > 0.0
+
+
+@pytest.mark.slow
+def test_a_real_store_lets_one_of_many_writers_win(radosgw, reach, prefix):
+    """Fifty races of eight writers for one object."""
+    reach(radosgw)
+    store = ObjectStore(Access.from_environment(Address(BUCKET, prefix)))
+    with ThreadPoolExecutor(8) as writers:
+        for race in range(50):
+            won = list(writers.map(lambda k, r=race: store.put_new(f"{r}", b"%d" % k), range(8)))
+            assert sum(won) == 1
+            assert store.get(f"{race}") == b"%d" % won.index(True)
 
 
 def test_a_store_that_overwrites_is_refused_before_anything_is_made(moto, reach, prefix, datasets):
