@@ -226,9 +226,11 @@ def _reply(
 ) -> None:
     handler.send_response(status)
     for name, value in headers.items():
-        if name.lower() in ("etag", "last-modified", "content-type"):
+        if name.lower() not in ("connection", "content-length", "date", "server"):
             handler.send_header(name, value)
-    handler.send_header("Content-Length", str(len(content)))
+    # The answer to HEAD names the length of what it leaves out.
+    length = headers.get("Content-Length") if handler.command == "HEAD" else None
+    handler.send_header("Content-Length", length or str(len(content)))
     handler.end_headers()
     handler.wfile.write(content)
 

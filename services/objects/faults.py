@@ -50,7 +50,7 @@ _SIGNS: tuple[tuple[str, Fault], ...] = (
         Fault("the store is overloaded or out of order", "run the same command again later"),
     ),
     (
-        r"error sending request|timed out|timeout|[Cc]onnection|dns error|tcp connect",
+        r"error sending request|timed out|connection (closed|reset|refused)|dns error|tcp connect",
         Fault("the store does not answer", "check AWS_ENDPOINT_URL and the network"),
     ),
 )
@@ -62,12 +62,16 @@ _LONGEST = 300
 
 def fault(error: BaseException) -> Fault | None:
     """What an error of a client of object stores means; None if it is not known."""
-    text = str(error)
+    text = _words(error)
     return next((meaning for sign, meaning in _SIGNS if re.search(sign, text)), None)
 
 
 def plain(error: BaseException) -> str:
     """An error's own words in one line, without colours and the client's inner state."""
-    words = _COLOUR.sub("", str(error)).partition("Debug source")[0]
-    line = " ".join(words.replace("↳", ":").split())
+    line = " ".join(_words(error).replace("↳", ":").split())
     return line if len(line) <= _LONGEST else f"{line[: _LONGEST - 1]}…"
+
+
+def _words(error: BaseException) -> str:
+    """What the client says, without its inner state, in which every word may occur."""
+    return _COLOUR.sub("", str(error)).partition("Debug source")[0]
