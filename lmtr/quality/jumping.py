@@ -12,8 +12,8 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from lmtr.arrays import Array
 from lmtr.quality.residual import RigidMotion
-from lmtr.robot.model import GRAVITY, RobotModel
-from lmtr.trajectory.sample import FootSamples, sample_base, sample_feet
+from lmtr.robot.model import GRAVITY, N_FEET, RobotModel
+from lmtr.trajectory.sample import FootSamples, sample_base, sample_each_foot
 from lmtr.trajectory.trajectory import Trajectory
 
 FREE_FALL = 0.1
@@ -72,12 +72,9 @@ def landings(trajectory: Trajectory, robot: RobotModel) -> Landings:
         return Landings(0.0, 0.0, 0.0)
     sinking = -sample_base(trajectory, touchdowns.reshape(-1)).velocity[:, 2]
     since = np.linspace(0.0, LANDING_TIME, _LANDING_SAMPLES)
-    forces = np.stack(
-        [
-            sample_feet(trajectory, (times[:, None] + since).reshape(-1)).force[:, foot, 2]
-            for foot, times in enumerate(touchdowns)
-        ]
-    ).reshape(*touchdowns.shape, _LANDING_SAMPLES)
+    times = (touchdowns[..., None] + since).reshape(N_FEET, -1)
+    normal = sample_each_foot(trajectory, times).force[..., 2].T
+    forces = normal.reshape(*touchdowns.shape, _LANDING_SAMPLES)
     rise = np.diff(forces, axis=-1) / (since[1] * robot.weight)
     return Landings(
         force=float(forces.max() / robot.weight),

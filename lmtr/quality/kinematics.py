@@ -5,7 +5,7 @@ import numpy as np
 from lmtr.arrays import Array
 from lmtr.geometry.line import closest_distance
 from lmtr.quality.residual import RigidMotion
-from lmtr.robot.model import N_FEET, RobotModel
+from lmtr.robot.model import RobotModel
 from lmtr.trajectory.sample import FootSamples
 from lmtr.trajectory.trajectory import Trajectory
 
@@ -20,32 +20,28 @@ def range_of_motion_overshoot(
     One allowance is made: a foot that is lifted folds its leg, which legs can, so upwards the box
     of a swing foot grows by the lift. Downwards a leg can but stretch, so there it does not.
     """
-    offset = _offset(motion, feet.position, robot)
-    ground = _offset(motion, feet.position * np.array([1.0, 1.0, 0.0]), robot)
+    apart = feet.position - motion.position[:, None, :]
+    apart_B = np.einsum("mij,mfi->mfj", motion.rotation, apart)
+    offset = apart_B - robot.nominal_feet_B
     # Down, the foot itself may not be too far; up, the ground below it may not be too near.
-    vertical = np.maximum(-offset[..., 2], ground[..., 2])
-    lifted = np.concatenate([np.abs(offset[..., :2]), vertical[..., None]], axis=-1)
+    lift_B = feet.position[..., 2] * motion.rotation[:, None, 2, 2]
+    vertical = np.maximum(-offset[..., 2], offset[..., 2] - lift_B)
     box = np.array(robot.range_of_motion)
-    stance = np.where(feet.contact, (np.abs(offset) - box).max(axis=-1), 0.0)
-    swing = np.where(feet.contact, 0.0, (lifted - box).max(axis=-1))
+    beyond = np.abs(offset) - box
+    sideways = beyond[..., :2].max(axis=-1)
+    stance = np.where(feet.contact, np.maximum(sideways, beyond[..., 2]), 0.0)
+    swing = np.where(feet.contact, 0.0, np.maximum(sideways, vertical - box[2]))
     return _largest(stance), _largest(swing)
-
-
-def _offset(motion: RigidMotion, points_W: Array, robot: RobotModel) -> Array:
-    """Offsets of points (M, 4, 3) from each foot's neutral position, base frame, (M, 4, 3) in m."""
-    points_B = (points_W - motion.position[:, None, :]) @ motion.rotation
-    return np.asarray(points_B - robot.nominal_feet_B)
 
 
 def stance_slip(feet: FootSamples) -> float:
     """Longest way (m) that a foot moves away from where it stood at a stance's first sample."""
-    longest = 0.0
-    for foot in range(N_FEET):
-        stands = feet.contact[:, foot]
-        stance, place = feet.stance[stands, foot], feet.position[stands, foot]
-        _, first, inverse = np.unique(stance, return_index=True, return_inverse=True)
-        longest = max(longest, _largest(np.linalg.norm(place - place[first][inverse], axis=-1)))
-    return longest
+    stance = np.where(feet.contact, feet.stance, -1).T  # (4, M), −1 in swing
+    begins = np.flatnonzero(np.diff(stance, axis=-1, prepend=-2))  # of phases, foot after foot
+    samples = np.diff(begins, append=stance.size)
+    place = feet.position.T.reshape(3, -1)
+    way = np.linalg.norm(place - np.repeat(place[:, begins], samples, axis=-1), axis=0)
+    return _largest(way[stance.reshape(-1) >= 0])
 
 
 def height_errors(feet: FootSamples) -> tuple[float, float]:

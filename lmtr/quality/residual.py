@@ -1,15 +1,15 @@
 """Newton's and Euler's equations of a trajectory, from nothing but its sampled motion.
 
-Linear: m·r̈ = Σ f + m·g. Angular, about the centre of mass in world axes:
-I_W·ω̇ + ω × I_W·ω = Σ (p − r) × f. Velocities, accelerations, ω and ω̇ are central differences of
-positions and rotation matrices, so no derivative formula of the splines or angles is trusted.
+Linear: m·r̈ = Σ f + m·g. Angular, about the centre of mass in base axes:
+I·ω̇ + ω × I·ω = Rᵀ·Σ (p − r) × f. Velocities, accelerations, ω and ω̇ are central differences of
+positions and rotation matrices, so no derivative formula of the splines or angles is trusted; nor
+is the expert's rotation matrix, which is written anew from elementary rotations.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
-from scipy.spatial.transform import Rotation
 
 from lmtr.arrays import Array
 from lmtr.robot.model import GRAVITY, RobotModel
@@ -48,23 +48,22 @@ class RigidMotion:
 
 def rigid_motion(trajectory: Trajectory, times: Array) -> RigidMotion:
     """The base's motion by central differences at ``times`` (M,) in s."""
-    step = DIFFERENCE_STEP
-    around = times + step * np.array([[-1.0], [0.0], [1.0]])
+    around = times + DIFFERENCE_STEP * np.array([[-1.0], [0.0], [1.0]])
     base = sample_base(trajectory, around.reshape(-1))
-    position = base.position.reshape(3, -1, 3)
-    rotation = Rotation.from_euler("ZYX", base.rpy[:, ::-1]).as_matrix().reshape(3, -1, 3, 3)
-    spin = (rotation[2] - rotation[0]) / (2.0 * step)
-    spin_rate = (rotation[2] - 2.0 * rotation[1] + rotation[0]) / step**2
-    here = rotation[1].transpose(0, 2, 1)
-    # Ṙ = [ω]×·R, so [ω]× = Ṙ·Rᵀ, and [ω̇]× is the skew part of R̈·Rᵀ.
+    position, rpy = base.position.reshape(3, -1, 3), base.rpy.reshape(3, -1, 3)
+    rotation = _rotation(base.rpy).reshape(3, -1, 3, 3)
+    velocity, acceleration = _differences(position)
+    # Ṙ = [ω]×·R, so ω = ½·Σ rₖ × ṙₖ over the base's axes rₖ, the columns of R; ω̇ likewise.
+    axes = rotation.swapaxes(-1, -2)
+    axes_rate, axes_second_rate = _differences(axes)
     return RigidMotion(
         position=position[1],
-        rpy=base.rpy.reshape(3, -1, 3)[1],
-        velocity=(position[2] - position[0]) / (2.0 * step),
-        acceleration=(position[2] - 2.0 * position[1] + position[0]) / step**2,
+        rpy=rpy[1],
+        velocity=velocity,
+        acceleration=acceleration,
         rotation=rotation[1],
-        omega=_axial(spin @ here),
-        omega_rate=_axial(spin_rate @ here),
+        omega=0.5 * _cross(axes[1], axes_rate).sum(axis=1),
+        omega_rate=0.5 * _cross(axes[1], axes_second_rate).sum(axis=1),
     )
 
 
@@ -75,13 +74,13 @@ def linear_residual(motion: RigidMotion, feet: FootSamples, robot: RobotModel) -
 
 def angular_residual(motion: RigidMotion, feet: FootSamples, robot: RobotModel) -> Array:
     """Angular acceleration that the moments leave unexplained, in base axes, (M, 3) in rad/s²."""
-    inertia_W = motion.rotation @ robot.inertia_B @ motion.rotation.transpose(0, 2, 1)
-    momentum = _times(inertia_W, motion.omega)
-    needed = _times(inertia_W, motion.omega_rate) + np.cross(motion.omega, momentum)
     arm = feet.position - motion.position[:, None, :]
-    moment = np.cross(arm, feet.force).sum(axis=1)
-    error_B = _times(motion.rotation.transpose(0, 2, 1), needed - moment)
-    return np.asarray(np.linalg.solve(robot.inertia_B, error_B.T).T)
+    moment = _in_base_axes(motion, _cross(arm, feet.force).sum(axis=1))
+    omega = _in_base_axes(motion, motion.omega)
+    inertia = robot.inertia_B
+    gyroscopic = _cross(omega, (inertia @ omega.T).T)
+    unexplained = np.linalg.solve(inertia, (gyroscopic - moment).T).T
+    return _in_base_axes(motion, motion.omega_rate) + unexplained
 
 
 def open_loop_drift(motion: RigidMotion, feet: FootSamples, robot: RobotModel, dt: float) -> Array:
@@ -112,11 +111,37 @@ def _acceleration(feet: FootSamples, robot: RobotModel) -> Array:
     return np.asarray(feet.force.sum(axis=1) / robot.mass - np.array([0.0, 0.0, GRAVITY]))
 
 
-def _times(matrices: Array, vectors: Array) -> Array:
-    return np.asarray((matrices @ vectors[..., None])[..., 0])
+def _in_base_axes(motion: RigidMotion, vectors_W: Array) -> Array:
+    """Vectors (M, 3) in world axes, seen in base axes."""
+    return np.asarray(np.einsum("mij,mi->mj", motion.rotation, vectors_W))
 
 
-def _axial(matrices: Array) -> Array:
-    """The vector a of the skew part [a]× of matrices (..., 3, 3)."""
-    skew = 0.5 * (matrices - matrices.transpose(0, 2, 1))
-    return np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=-1)
+def _rotation(rpy: Array) -> Array:
+    """Base to world, (N, 3, 3), for roll, pitch, yaw (N, 3): turns about x, then y, then z."""
+    rows = list(np.eye(3)[..., None])
+    for angle, (first, second) in zip(rpy.T, ((1, 2), (2, 0), (0, 1)), strict=True):
+        sine, cosine = np.sin(angle), np.cos(angle)
+        rows[first], rows[second] = (
+            cosine * rows[first] - sine * rows[second],
+            sine * rows[first] + cosine * rows[second],
+        )
+    return np.moveaxis(np.array(rows), -1, 0)
+
+
+def _differences(around: Array) -> tuple[Array, Array]:
+    """First and second time derivative of values (3, ...) a step before, at and after."""
+    before, at, after = around
+    first = (after - before) / (2.0 * DIFFERENCE_STEP)
+    second = (after - 2.0 * at + before) / DIFFERENCE_STEP**2
+    return first, second
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Cross products a × b of vectors, both (..., 3)."""
+    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
+    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
+    product = np.empty_like(a)  # laid out in memory as a is, which np.cross does not do
+    product[..., 0] = ay * bz - az * by
+    product[..., 1] = az * bx - ax * bz
+    product[..., 2] = ax * by - ay * bx
+    return product

@@ -3,11 +3,10 @@
 from typing import Any
 
 
-def value(u: Any, p0: Any, v0: Any, p1: Any, v1: Any, duration: Any) -> Any:  # noqa: ANN401
-    """Value at local time u in [0, 1] of the cubic with end values p and end slopes v.
+def cubic(p0: Any, v0: Any, p1: Any, v1: Any, duration: Any) -> tuple[Any, Any, Any, Any]:  # noqa: ANN401
+    """Coefficients of 1, u, u² and u³ of a cubic in local time u in [0, 1], from its ends.
 
     Args:
-        u: Local time, 0 at the start and 1 at the end of the polynomial.
         p0: Value at the start.
         v0: Time derivative at the start (per second).
         p1: Value at the end.
@@ -16,20 +15,34 @@ def value(u: Any, p0: Any, v0: Any, p1: Any, v1: Any, duration: Any) -> Any:  # 
     """
     a = p1 - p0
     m0, m1 = v0 * duration, v1 * duration
-    return p0 + u * (m0 + u * ((3.0 * a - 2.0 * m0 - m1) + u * (m0 + m1 - 2.0 * a)))
+    return p0, m0, 3.0 * a - 2.0 * m0 - m1, m0 + m1 - 2.0 * a
+
+
+def cubic_value(u: Any, c: Any) -> Any:  # noqa: ANN401
+    """Value at local time u of the cubic with coefficients c (4, ...)."""
+    return c[0] + u * (c[1] + u * (c[2] + u * c[3]))
+
+
+def cubic_slope(u: Any, c: Any, duration: Any) -> Any:  # noqa: ANN401
+    """Time derivative (per second) of :func:`cubic_value`."""
+    return (c[1] + u * (2.0 * c[2] + u * 3.0 * c[3])) / duration
+
+
+def cubic_curvature(u: Any, c: Any, duration: Any) -> Any:  # noqa: ANN401
+    """Second time derivative (per second squared) of :func:`cubic_value`."""
+    return (2.0 * c[2] + u * 6.0 * c[3]) / (duration * duration)
+
+
+def value(u: Any, p0: Any, v0: Any, p1: Any, v1: Any, duration: Any) -> Any:  # noqa: ANN401
+    """Value at local time u of the :func:`cubic` with these ends."""
+    return cubic_value(u, cubic(p0, v0, p1, v1, duration))
 
 
 def first_derivative(u: Any, p0: Any, v0: Any, p1: Any, v1: Any, duration: Any) -> Any:  # noqa: ANN401
     """Time derivative (per second) of :func:`value`."""
-    a = p1 - p0
-    m0, m1 = v0 * duration, v1 * duration
-    slope = m0 + u * (2.0 * (3.0 * a - 2.0 * m0 - m1) + u * 3.0 * (m0 + m1 - 2.0 * a))
-    return slope / duration
+    return cubic_slope(u, cubic(p0, v0, p1, v1, duration), duration)
 
 
 def second_derivative(u: Any, p0: Any, v0: Any, p1: Any, v1: Any, duration: Any) -> Any:  # noqa: ANN401
     """Second time derivative (per second squared) of :func:`value`."""
-    a = p1 - p0
-    m0, m1 = v0 * duration, v1 * duration
-    curvature = 2.0 * (3.0 * a - 2.0 * m0 - m1) + u * 6.0 * (m0 + m1 - 2.0 * a)
-    return curvature / (duration * duration)
+    return cubic_curvature(u, cubic(p0, v0, p1, v1, duration), duration)

@@ -1,6 +1,12 @@
-"""Evaluation of a trajectory's splines at given times, by explicit look-up of node and phase."""
+"""Evaluation of a trajectory's splines at given times, by explicit look-up of node and phase.
+
+The coefficients of each cubic are worked out once and looked up for all its samples. In memory
+samples lie next to each other, component by component, as arithmetic on long rows is fast and on
+triples is not; records show them with the axes turned.
+"""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -14,19 +20,62 @@ from lmtr.trajectory.trajectory import BASE_STEP, FORCE_PIECES, Trajectory
 
 @dataclass(frozen=True)
 class BaseSamples:
-    """Base motion at M times, arrays (..., M, 3): SI units, frame of the trajectory."""
+    """Base motion at M times, in the frame of the trajectory; evaluated as far as it is read.
 
-    position: Array
-    rpy: Array
-    velocity: Array
-    rpy_rate: Array
-    acceleration: Array
-    rpy_acceleration: Array
+    Attributes:
+        u: Local time in the polynomial of each sample, (..., M).
+        cubics: Coefficients of that polynomial, (4, 6, ..., M).
+    """
+
+    u: Array
+    cubics: Array
+
+    @property
+    def position(self) -> Array:
+        """Position (..., M, 3) in m."""
+        return self._value[..., POSITION]
+
+    @property
+    def rpy(self) -> Array:
+        """Roll, pitch, yaw (..., M, 3) in rad."""
+        return self._value[..., RPY]
+
+    @property
+    def velocity(self) -> Array:
+        """Velocity (..., M, 3) in m/s."""
+        return self._slope[..., POSITION]
+
+    @property
+    def rpy_rate(self) -> Array:
+        """Time derivative of roll, pitch, yaw (..., M, 3) in rad/s."""
+        return self._slope[..., RPY]
+
+    @property
+    def acceleration(self) -> Array:
+        """Acceleration (..., M, 3) in m/s²."""
+        return self._curvature[..., POSITION]
+
+    @property
+    def rpy_acceleration(self) -> Array:
+        """Second time derivative of roll, pitch, yaw (..., M, 3) in rad/s²."""
+        return self._curvature[..., RPY]
 
     @property
     def angular_velocity(self) -> Array:
         """Angular velocity ω in the trajectory's frame, (..., M, 3) in rad/s."""
         return angular_velocity_W(self.rpy, self.rpy_rate)
+
+    @cached_property
+    def _value(self) -> Array:
+        return np.moveaxis(hermite.cubic_value(self.u, self.cubics), 0, -1)
+
+    @cached_property
+    def _slope(self) -> Array:
+        return np.moveaxis(hermite.cubic_slope(self.u, self.cubics, BASE_STEP), 0, -1)
+
+    @cached_property
+    def _curvature(self) -> Array:
+        return np.moveaxis(hermite.cubic_curvature(self.u, self.cubics, BASE_STEP), 0, -1)
 
 
 @dataclass(frozen=True)
@@ -52,25 +101,12 @@ class FootSamples:
 
 def sample_base(trajectory: Trajectory, times: Array) -> BaseSamples:
     """Base motion at ``times`` (..., M) in s; outside the base nodes the end polynomials go on."""
-    nodes = trajectory.base_nodes
+    nodes = np.moveaxis(trajectory.base_nodes, -3, -1)  # (..., 2, 6, N)
     local = (times - trajectory.base_start[..., None]) / BASE_STEP
     # An epoch on a knot belongs to the polynomial that begins there, despite rounding.
-    index = np.clip(np.floor(local + 1e-9).astype(np.intp), 0, nodes.shape[-3] - 2)
-    u = (local - index)[..., None]
-    first = np.take_along_axis(nodes, index[..., None, None], axis=-3)
-    last = np.take_along_axis(nodes, index[..., None, None] + 1, axis=-3)
-    ends = (first[..., VALUE, :], first[..., RATE, :], last[..., VALUE, :], last[..., RATE, :])
-    value = hermite.value(u, *ends, BASE_STEP)
-    velocity = hermite.first_derivative(u, *ends, BASE_STEP)
-    acceleration = hermite.second_derivative(u, *ends, BASE_STEP)
-    return BaseSamples(
-        position=value[..., POSITION],
-        rpy=value[..., RPY],
-        velocity=velocity[..., POSITION],
-        rpy_rate=velocity[..., RPY],
-        acceleration=acceleration[..., POSITION],
-        rpy_acceleration=acceleration[..., RPY],
-    )
+    index = np.clip(np.floor(local + 1e-9).astype(np.intp), 0, nodes.shape[-1] - 2)
+    cubics = _cubics(np.moveaxis(nodes, (-3, -2), (0, 1)), BASE_STEP)
+    return BaseSamples(local - index, _looked_up(cubics, index))
 
 
 def sample_feet(trajectory: Trajectory, times: Array) -> FootSamples:
@@ -78,79 +114,75 @@ def sample_feet(trajectory: Trajectory, times: Array) -> FootSamples:
 
     Before the first stance begins a foot stands in it; after the last one ended it stays there.
     """
-    changes = trajectory.contact_times[..., 1:-1]  # (..., 4, 2S − 2): lift-offs and touch-downs
-    t = np.broadcast_to(
-        times[..., None, :], (*trajectory.batch_shape, N_FEET, times.shape[-1])
-    )  # (..., 4, M)
-    phase = (t[..., None] >= changes[..., None, :]).sum(axis=-1)  # (..., 4, M), 0 … 2S − 2
+    shape = (*trajectory.batch_shape, N_FEET, times.shape[-1])
+    return sample_each_foot(trajectory, np.broadcast_to(times[..., None, :], shape))
+
+
+def sample_each_foot(trajectory: Trajectory, times: Array) -> FootSamples:
+    """Like :func:`sample_feet`, at times of its own for each foot, (..., 4, M) in s."""
+    changes = trajectory.contact_times[..., 1:-1, None]  # lift-offs and touch-downs of each foot
+    phase = (times[..., None, :] >= changes).sum(axis=-2)  # (..., 4, M), 0 … 2S − 2
     contact = phase % 2 == 0
-    stance = phase // 2
-    position, velocity = _foot_motion(trajectory, t, stance, contact)
-    begin = _pick(trajectory.contact_times, phase)
+    begins = trajectory.contact_times[..., :-1]
+    durations = np.maximum(np.diff(trajectory.contact_times, axis=-1), 1e-9)
+    begin, duration = _looked_up(np.stack([begins, durations]), phase)
+    since = times - begin
+    # A phase has two cubics of half its duration, be it a stance (of forces) or a swing.
+    local = FORCE_PIECES * np.clip(since / duration, 0.0, 1.0)
+    second = local >= 1.0
+    u = local - second
+    cubics = _cubics(_foot_nodes(trajectory), durations[..., None] / FORCE_PIECES)
+    in_a_row = cubics.reshape((*cubics.shape[:-2], -1))
+    cubics = _looked_up(in_a_row, FORCE_PIECES * phase + second)
+    value = _by_time(hermite.cubic_value(u, cubics))
+    velocity = hermite.cubic_slope(u, cubics[:, _PLACE], duration / FORCE_PIECES)
     return FootSamples(
-        position=np.moveaxis(position, -3, -2),
-        velocity=np.moveaxis(velocity, -3, -2),
-        force=np.moveaxis(_force(trajectory, t, stance, contact), -3, -2),
-        contact=np.moveaxis(contact, -2, -1),
-        time_since_liftoff=np.moveaxis(np.where(contact, 0.0, t - begin), -2, -1),
-        stance=np.moveaxis(stance, -2, -1),
+        position=value[..., _PLACE],
+        velocity=_by_time(velocity),
+        force=value[..., _FORCE],
+        contact=contact.swapaxes(-2, -1),
+        time_since_liftoff=np.where(contact, 0.0, since).swapaxes(-2, -1),
+        stance=(phase // 2).swapaxes(-2, -1),
     )
 
 
-def _pick(array: Array, index: Indices) -> Array:
-    """Entries of array (..., 4, L, *rest) at index (..., 4, M): (..., 4, M, *rest)."""
-    axis = index.ndim - 1
-    return np.take_along_axis(
-        array, index.reshape((*index.shape, *([1] * (array.ndim - index.ndim)))), axis=axis
-    )
+_PLACE, _FORCE = slice(0, 3), slice(3, 6)
+"""Components of a foot's nodes: its position (m), and the force on it (N)."""
 
 
-def _foot_motion(
-    trajectory: Trajectory, t: Array, stance: Indices, contact: Flags
-) -> tuple[Array, Array]:
-    """Position (m) and velocity (m/s) of the feet, (..., 4, M, 3) each."""
-    here = _pick(trajectory.footholds, stance)
-    if trajectory.n_stances == 1:
-        return here, np.zeros_like(here)
-    swing = np.minimum(stance, trajectory.n_stances - 2)
-    there = _pick(trajectory.footholds, swing + 1)
-    node = _pick(trajectory.swing_nodes, swing)
-    liftoff, touchdown = (_pick(trajectory.contact_times, 2 * swing + k) for k in (1, 2))
-    half = np.maximum(touchdown - liftoff, 1e-9)[..., None] / 2.0
-    u = np.clip((t - liftoff)[..., None] / half, 0.0, 2.0)
-    middle = node[..., SWING_POSITION]
-    middle_velocity = np.concatenate(
-        [node[..., SWING_VELOCITY], np.zeros_like(node[..., :1])], axis=-1
-    )
-    rising = u < 1.0
-    ends = (
-        np.where(rising, here, middle),
-        np.where(rising, 0.0, middle_velocity),
-        np.where(rising, middle, there),
-        np.where(rising, middle_velocity, 0.0),
-    )
-    u = np.where(rising, u, u - 1.0)
-    stands = contact[..., None]
-    position = np.where(stands, here, hermite.value(u, *ends, half))
-    velocity = np.where(stands, 0.0, hermite.first_derivative(u, *ends, half))
-    return position, velocity
+def _foot_nodes(trajectory: Trajectory) -> Array:
+    """Nodes of place and force, (2, 6, ..., 4, 2S − 1, 3): start, middle and end of each phase.
+
+    In stance the place stays, in swing the force is zero.
+    """
+    phases = 2 * trajectory.n_stances - 1
+    nodes = np.zeros((2, 6, *trajectory.batch_shape, N_FEET, phases, FORCE_PIECES + 1))
+    stances, swings = nodes[..., 0::2, :], nodes[..., 1::2, :]
+    place = np.moveaxis(trajectory.footholds, -1, 0)
+    middle = np.moveaxis(trajectory.swing_nodes, -1, 0)
+    stances[VALUE, _PLACE] = place[..., None]
+    stances[:, _FORCE] = np.moveaxis(trajectory.force_nodes, (-2, -1), (0, 1))
+    swings[VALUE, _PLACE, ..., 0] = place[..., :-1]
+    swings[VALUE, _PLACE, ..., 1] = middle[SWING_POSITION]
+    swings[RATE, :2, ..., 1] = middle[SWING_VELOCITY]
+    swings[VALUE, _PLACE, ..., 2] = place[..., 1:]
+    return nodes
 
 
-def _force(trajectory: Trajectory, t: Array, stance: Indices, contact: Flags) -> Array:
-    """Contact forces (N), (..., 4, M, 3)."""
-    begin, end = (_pick(trajectory.contact_times, 2 * stance + k) for k in (0, 1))
-    duration = np.maximum(end - begin, 1e-9)
-    local = np.clip((t - begin) / duration, 0.0, 1.0) * FORCE_PIECES
-    piece = np.minimum(local.astype(np.intp), FORCE_PIECES - 1)
-    nodes = _pick(trajectory.force_nodes, stance)  # (..., 4, M, K + 1, 2, 3)
-    first = np.take_along_axis(nodes, piece[..., None, None, None], axis=-3)[..., 0, :, :]
-    last = np.take_along_axis(nodes, piece[..., None, None, None] + 1, axis=-3)[..., 0, :, :]
-    force = hermite.value(
-        (local - piece)[..., None],
-        first[..., VALUE, :],
-        first[..., RATE, :],
-        last[..., VALUE, :],
-        last[..., RATE, :],
-        (duration / FORCE_PIECES)[..., None],
-    )
-    return np.where(contact[..., None], force, 0.0)
+def _cubics(nodes: Array, duration: Array | float) -> Array:
+    """Coefficients (4, C, ..., K − 1) of the cubics between nodes (2, C, ..., K), in local time."""
+    first, last = nodes[..., :-1], nodes[..., 1:]
+    return np.stack(hermite.cubic(first[VALUE], first[RATE], last[VALUE], last[RATE], duration))
+
+
+def _looked_up(table: Array, index: Indices) -> Array:
+    """Entries at index (..., M) of the last axis of a table (*C, ..., P), giving (*C, ..., M)."""
+    owners, length = index.shape[:-1], table.shape[-1]
+    begin = length * np.arange(np.prod(owners, dtype=np.intp)).reshape((*owners, 1))
+    components = table.shape[: table.ndim - index.ndim]
+    return np.asarray(table.reshape((*components, -1)).take(begin + index, axis=-1))
+
+
+def _by_time(array: Array) -> Array:
+    """Samples (C, ..., 4, M) as (..., M, 4, C)."""
+    return np.moveaxis(array, 0, -1).swapaxes(-3, -2)
