@@ -11,8 +11,9 @@ from rich.text import Text
 
 from lmtr.errors import ConfigurationError
 from pipelines.workspace import Workspace
-from services.lake.queries import query as run_query
-from services.lake.queries import write_result
+from services.lake.queries import plan, streamed, write_result
+from services.lake.schemas import MADE_BY
+from services.lake.views import VIEWS
 
 SHOWN_ROWS = 100
 SHOWN_RECORDS = 5
@@ -38,25 +39,51 @@ def query(workspace: Workspace, sql: str, form: str, out: Path | None) -> None:
             )
     if form == "parquet" and out is None and sys.stdout.isatty():
         raise ConfigurationError("query: parquet is binary; name a file with --out FILE.parquet")
-    result = run_query(workspace.lake, sql)
-    if form == "table":
-        _show(result)
-    else:
-        write_result(result, out, form)
+    with streamed(workspace.lake, sql) as result:
+        if form == "table":
+            _show(result)
+        else:
+            write_result(result, out, form)
 
 
-def _show(result: pa.Table) -> None:
+def explain(workspace: Workspace, sql: str) -> None:
+    """Print how DuckDB would carry a query out."""
+    Console(width=UNFOLDED_WIDTH).print(Text(plan(workspace.lake, sql)))
+
+
+def list_tables(workspace: Workspace) -> None:
+    """Print which tables and views a query may use."""
+    table = Table("name", "kind", "a row is", header_style="bold")
+    for name in workspace.lake.tables():
+        made_by = Text(f"see docs/data.md; made by {MADE_BY[name]}")
+        table.add_row(name, "table", made_by)
+    for name, view in VIEWS.items():
+        table.add_row(name, f"view of {', '.join(view.tables)}", view.meaning)
+    Console().print(table)
+
+
+def _show(result: pa.RecordBatchReader) -> None:
     """Print a table, or one record after the other where the columns are too many for the width."""
     # Off a terminal nothing is folded, so that what is printed can be copied and cut.
     console = Console() if sys.stdout.isatty() else Console(width=UNFOLDED_WIDTH)
-    wide = console.width < LEAST_COLUMN * result.num_columns
+    wide = console.width < LEAST_COLUMN * len(result.schema)
     limit = SHOWN_RECORDS if wide else SHOWN_ROWS
-    for shown in _records(result, limit) if wide else [_rows(result, limit)]:
+    first = _first(result, limit + 1)
+    for shown in _records(first, limit) if wide else [_rows(first, limit)]:
         console.print(shown)
-    if result.num_rows > limit:
-        console.print(
-            f"{limit} of {result.num_rows} rows shown; use LIMIT, or --format csv for all"
-        )
+    if first.num_rows > limit:
+        console.print(f"the first {limit} rows; use LIMIT, or --format csv for all")
+
+
+def _first(result: pa.RecordBatchReader, count: int) -> pa.Table:
+    """The first rows of a result, which is not read any further."""
+    batches: list[pa.RecordBatch] = []
+    while sum(batch.num_rows for batch in batches) < count:
+        batch = next(iter(result), None)
+        if batch is None:
+            break
+        batches.append(batch)
+    return pa.Table.from_batches(batches, result.schema).slice(0, count)
 
 
 def _rows(result: pa.Table, limit: int) -> Table:

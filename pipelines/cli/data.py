@@ -53,24 +53,37 @@ def query(
     ctx: typer.Context,
     sql: Annotated[
         str, typer.Argument(help="One SELECT over the tables of the lake.", metavar="SQL")
-    ],
+    ] = "",
     form: Annotated[
         Format, typer.Option("--format", "-f", help="How the result is written.")
     ] = Format.TABLE,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="File to write; parquet needs one.")
     ] = None,
+    explain: Annotated[
+        bool, typer.Option("--explain", help="Show how the query would be carried out.")
+    ] = False,
+    listed: Annotated[
+        bool, typer.Option("--list", help="List the tables and views that there are.")
+    ] = False,
     home: HomeOption = None,
 ) -> None:
     """Ask the lakehouse in SQL (DuckDB), read-only.
 
-    Tables: `datasets`, `solutions`, `segments`, `models`, `evaluations`, `rollouts`. For example:
+    Tables: `datasets`, `solutions`, `segments`, `models`, `evaluations`, `rollouts`; views with
+    readable columns: `solutions_overview`, `accepted_by_distance` … (`--list`). For example:
 
     `lmtr query "SELECT status, count(*), median(solve_cpu_s) FROM solutions GROUP BY ALL"`
     """
-    from pipelines.query import query as ask
+    from pipelines import query as asking
 
-    ask(options.archive(ctx, home), sql, str(form), out)
+    space = options.archive(ctx, home)
+    if listed:
+        asking.list_tables(space)
+    elif explain:
+        asking.explain(space, sql)
+    else:
+        asking.query(space, sql, str(form), out)
 
 
 def export(

@@ -34,16 +34,42 @@ def query(lake: Lake, sql: str) -> pa.Table:
     Raises:
         LakeError: The statement is wrong, not allowed, or names what is not there.
     """
-    with evaluated(lake.views(), sql) as relation:
-        result = relation.to_arrow_table()
-    return result.rename_columns(_distinct(result.column_names))
+    with streamed(lake, sql) as result:
+        return result.read_all()
 
 
-def write_result(table: pa.Table, path: Path | None, form: str) -> None:
-    """Write a result.
+@contextmanager
+def streamed(lake: Lake, sql: str) -> Iterator[pa.RecordBatchReader]:
+    """The same a batch at a time, valid inside the ``with`` block.
+
+    Raises:
+        LakeError: The statement is wrong, not allowed, or names what is not there.
+    """
+    with evaluated(lake.sources(), sql) as relation:
+        found = relation.to_arrow_reader(WRITTEN_ROWS)
+        names = _distinct(found.schema.names)
+        schema = pa.schema(
+            [field.with_name(name) for field, name in zip(found.schema, names, strict=True)]
+        )
+        renamed = (pa.RecordBatch.from_arrays(batch.columns, schema=schema) for batch in found)
+        yield pa.RecordBatchReader.from_batches(schema, renamed)
+
+
+def plan(lake: Lake, sql: str) -> str:
+    """How DuckDB would carry a statement out.
+
+    Raises:
+        LakeError: As :func:`query`.
+    """
+    rows = query(lake, f"EXPLAIN {sql}").to_pylist()
+    return "\n".join(row["explain_value"] for row in rows)
+
+
+def write_result(result: pa.Table | pa.RecordBatchReader, path: Path | None, form: str) -> None:
+    """Write a result, a batch at a time.
 
     Args:
-        table: The result.
+        result: The result.
         path: File, which appears under its name only when it is whole; standard output if None.
         form: ``csv`` (lists and maps as JSON), ``json`` (one array of objects, NaN as null), or
             ``parquet``.
@@ -55,6 +81,7 @@ def write_result(table: pa.Table, path: Path | None, form: str) -> None:
     if form not in WRITERS:
         raise LakeError(f"result: format must be one of {', '.join(WRITERS)}, got {form!r}")
     write = WRITERS[form]
+    table = result.to_reader() if isinstance(result, pa.Table) else result
     if path is None:
         write(table, sys.stdout.buffer)
         sys.stdout.buffer.flush()
@@ -76,23 +103,23 @@ def _distinct(names: list[str]) -> list[str]:
     return distinct
 
 
-def _write_csv(table: pa.Table, file: BinaryIO) -> None:
+def _write_csv(table: pa.RecordBatchReader, file: BinaryIO) -> None:
     kinds = [field.type for field in table.schema]
     with _text(file) as text:
         writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(table.column_names)
-        for batch in table.to_batches(WRITTEN_ROWS):
+        writer.writerow(table.schema.names)
+        for batch in table:
             columns = [column.to_pylist() for column in batch.columns]
             for row in zip(*columns, strict=True):
                 cells = zip(row, kinds, strict=True)
                 writer.writerow([_cell(_plain(value, kind)) for value, kind in cells])
 
 
-def _write_json(table: pa.Table, file: BinaryIO) -> None:
+def _write_json(table: pa.RecordBatchReader, file: BinaryIO) -> None:
     with _text(file) as text:
         text.write("[")
         separator = "\n"
-        for batch in table.to_batches(WRITTEN_ROWS):
+        for batch in table:
             for row in batch.to_pylist():
                 plain = {field.name: _plain(row[field.name], field.type) for field in table.schema}
                 text.write(separator + json.dumps(_without_nan(plain), ensure_ascii=False))
@@ -100,11 +127,13 @@ def _write_json(table: pa.Table, file: BinaryIO) -> None:
         text.write("\n]\n")
 
 
-def _write_parquet(table: pa.Table, file: BinaryIO) -> None:
-    pq.write_table(table, file)
+def _write_parquet(table: pa.RecordBatchReader, file: BinaryIO) -> None:
+    with pq.ParquetWriter(file, table.schema) as writer:
+        for batch in table:
+            writer.write_batch(batch)
 
 
-WRITERS: dict[str, Callable[[pa.Table, BinaryIO], None]] = {
+WRITERS: dict[str, Callable[[pa.RecordBatchReader, BinaryIO], None]] = {
     "csv": _write_csv,
     "json": _write_json,
     "parquet": _write_parquet,

@@ -1,21 +1,24 @@
-"""DuckDB that sees the tables it is given and nothing else: no file, no network, no Python.
+"""DuckDB that sees the tables it is given and nothing else: no other file, no network, no Python.
 
-The tables come in as Arrow data sets, so DuckDB itself needs no access to the disk and has none:
-what a statement may do does not hang on how well its text was understood. (In DuckDB 2 a ``COPY``
-inside a ``WITH`` clause parses as a ``SELECT``.)
+A statement is looked through before it is run (:mod:`services.lake.guard`), and what it may do does
+not hang on that alone: DuckDB is locked so that it can open the tables' own files, and no others.
 """
 
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from difflib import get_close_matches
+from typing import TypeAlias
 
 import duckdb
 import pyarrow as pa
 import pyarrow.dataset as pads
 
 from services.errors import LakeError
+from services.lake.guard import NO_FILES, Reading, require_reading
 from services.lake.schemas import MADE_BY
+from services.lake.views import VIEWS
 
 SHUT = (
     "TimeZone = 'UTC'",
@@ -28,57 +31,96 @@ SHUT = (
     "lock_configuration = true",
 )
 
-READING = (duckdb.StatementType.SELECT, duckdb.StatementType.EXPLAIN)
-"""Kinds of statements that are run; DESCRIBE, SHOW, SUMMARIZE, FROM and VALUES are SELECTs."""
+
+@dataclass(frozen=True)
+class Files:
+    """The data files of a table's version, which DuckDB reads by itself.
+
+    Attributes:
+        paths: Absolute paths.
+        columns: The table's columns; every file has them all.
+    """
+
+    paths: tuple[str, ...]
+    columns: tuple[str, ...]
+
+
+Source: TypeAlias = Files | pads.Dataset
+"""Where the rows of a table come from."""
 
 
 @contextmanager
-def evaluated(views: Mapping[str, pads.Dataset], sql: str) -> Iterator[duckdb.DuckDBPyRelation]:
-    """The result of one reading statement over ``views``, valid inside the ``with`` block.
+def evaluated(sources: Mapping[str, Source], sql: str) -> Iterator[duckdb.DuckDBPyRelation]:
+    """The result of one reading statement, valid inside the ``with`` block.
+
+    Only the tables that it names are opened.
 
     Raises:
         LakeError: The statement is wrong, not allowed, or names what is not there.
     """
     with duckdb.connect(":memory:") as connection:
-        for name, dataset in views.items():
-            connection.register(name, dataset)
-        for setting in SHUT:
-            connection.execute(f"SET {setting}")
         try:
-            _require_one_reading(sql)
-            relation = connection.sql(sql)
-            yield relation
+            reading = require_reading(connection, sql)
+            _offer(connection, sources, reading)
+            for setting in SHUT:
+                connection.execute(f"SET {setting}")
+            yield connection.sql(sql)
         except RuntimeError as error:
             if "interrupted" in str(error).lower():  # DuckDB's own answer to Ctrl-C
                 raise KeyboardInterrupt from error
             raise
         except (duckdb.Error, pa.ArrowException) as error:
-            raise LakeError(f"query: {explained(str(error), sorted(views))}") from error
+            raise LakeError(f"query: {explained(str(error), sorted(sources))}") from error
 
 
-def _require_one_reading(sql: str) -> None:
-    statements = duckdb.extract_statements(sql)
-    if len(statements) != 1:
-        raise LakeError(f"query: must be one statement, got {len(statements)}; give one SELECT")
-    kind = statements[0].type
-    if kind not in READING:
-        raise LakeError(
-            f"query: must only read, got {kind.name}; use SELECT, DESCRIBE, SUMMARIZE or EXPLAIN"
-        )
+def _offer(
+    connection: duckdb.DuckDBPyConnection, sources: Mapping[str, Source], reading: Reading
+) -> None:
+    """Make the tables and views known that a statement asks for."""
+    names = {name.lower() for name in reading.names}
+    views = {name for name in VIEWS if name in names}
+    needed = names | {table for name in views for table in VIEWS[name].tables}
+    tables = {name: sources[name] for name in sources if reading.lists or name in needed}
+    paths = [
+        path for source in tables.values() if isinstance(source, Files) for path in source.paths
+    ]
+    if paths:
+        connection.execute(f"SET allowed_paths = [{', '.join(map(_quoted, paths))}]")
+    for name, source in tables.items():
+        if isinstance(source, Files):
+            connection.execute(f'CREATE VIEW "{name}" AS {_select(source)}')
+        else:
+            connection.register(name, source)
+    for name in VIEWS:
+        view = VIEWS[name]
+        if (reading.lists or name in views) and all(table in tables for table in view.tables):
+            connection.execute(f'CREATE VIEW "{name}" AS {view.sql}')
+        elif name in views:
+            raise LakeError(absent(next(table for table in view.tables if table not in tables)))
+
+
+def _select(source: Files) -> str:
+    columns = ", ".join(f'"{name}"' for name in source.columns)
+    paths = ", ".join(map(_quoted, source.paths))
+    return f"SELECT {columns} FROM read_parquet([{paths}])"
+
+
+def _quoted(text: str) -> str:
+    return "'" + text.replace("'", "''") + "'"
 
 
 def explained(message: str, tables: list[str]) -> str:
     """DuckDB's message in one line, with the tables of the lake where it misses one."""
     text = message.partition("\n\nLINE")[0]
     if "disabled by configuration" in text:
-        return "files cannot be read or written from SQL; use the tables, and --out for results"
+        return NO_FILES
     missing = re.search(r"Table with name (\S+) does not exist", text)
     if missing is None:
         return f"{' '.join(text.split())}; correct the statement"
     name = missing[1]
     if name in MADE_BY:
         return absent(name)
-    near = get_close_matches(name, tables, n=1)
+    near = get_close_matches(name, [*tables, *VIEWS], n=1)
     hint = f"did you mean {near[0]!r}? " if near else ""
     return f"no table is called {name!r}; {hint}there are: {', '.join(tables) or 'none yet'}"
 

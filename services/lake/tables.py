@@ -4,17 +4,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeAlias
+from urllib.parse import unquote
 
 import duckdb
 import pyarrow as pa
-import pyarrow.dataset as pads
 from deltalake import CommitProperties, DeltaTable, Transaction, write_deltalake
 from deltalake.exceptions import CommitFailedError, DeltaError, TableNotFoundError
 
 from services.errors import LakeError
 from services.lake.checks import conform
 from services.lake.exclusive import lock_of, rewriting
-from services.lake.sandbox import absent, evaluated
+from services.lake.sandbox import Files, Source, absent, evaluated
 from services.lake.schemas import SCHEMAS, older_versions, version_of
 from services.lake.storage import Storage
 from services.objects.faults import Fault, fault, plain
@@ -26,6 +26,9 @@ CONFLICT_RETRIES = 20
 """How often an append begins anew when another writer made the table or took the transaction."""
 
 VERSION_KEY = "lmtr.schemaVersion"
+
+FIRST_VERSION_KEY = "lmtr.firstSchemaVersion"
+"""Version of the schema that a table was made with: files of that time lack later columns."""
 
 KEEP_LOG = {"delta.enableExpiredLogCleanup": "false"}
 """Delta drops old versions after 30 days; a model must find its data for good."""
@@ -159,13 +162,33 @@ class Lake:
 
     def query_value(self, sql: str) -> Value:
         """The first value of the first row of a query over all tables; None if there is no row."""
-        with evaluated(self.views(), sql) as relation:
+        with evaluated(self.sources(), sql) as relation:
             rows = relation.limit(1).fetchall()
         return rows[0][0] if rows else None
 
-    def views(self) -> dict[str, pads.Dataset]:
-        """All tables that are there, by name, in their present versions."""
-        return {name: self._dataset(name, None) for name in self.tables()}
+    def sources(self, versions: Mapping[str, int] | None = None) -> Mapping[str, Source]:
+        """All tables that are there, by name, opened when they are asked for.
+
+        Args:
+            versions: Versions of tables; the present ones by default.
+        """
+        return _Sources(self, versions or {})
+
+    def source(self, table: str, version: int | None = None) -> Source:
+        """Where DuckDB finds the rows of a table.
+
+        It reads a folder's files by itself, as long as all have the same columns; else Arrow does.
+        """
+        delta, schema = self.delta(table, version), SCHEMAS[table]
+        made_as = delta.metadata().configuration.get(FIRST_VERSION_KEY)
+        if made_as == version_of(schema) and not self.storage.is_remote:
+            paths = tuple(map(_path, delta.file_uris()))
+            if paths:
+                return Files(paths, tuple(schema.names))
+        dataset = delta.to_pyarrow_dataset()
+        # Versions from before a migration lack the columns that it added: they read as null.
+        added = [field for field in schema if dataset.schema.get_field_index(field.name) < 0]
+        return dataset.replace_schema(pa.schema([*dataset.schema, *added])) if added else dataset
 
     def delete(self, table: str, where: str) -> int:
         """Take rows out of the present version of a table; returns how many they were.
@@ -323,7 +346,11 @@ class Lake:
                 schema,
                 mode="ignore",
                 name=table,
-                configuration={VERSION_KEY: version_of(schema), **KEEP_LOG},
+                configuration={
+                    VERSION_KEY: version_of(schema),
+                    FIRST_VERSION_KEY: version_of(schema),
+                    **KEEP_LOG,
+                },
                 storage_options=self._options,
                 raise_if_key_not_exists=False,
             )
@@ -342,23 +369,11 @@ class Lake:
         """The chosen rows and the schema of the chosen columns, valid inside the block."""
         schema = self._chosen(table, columns)
         statement = _select(schema.names, table, where, order_by, limit)
-        with evaluated(self._views_for(table, where, version), statement) as relation:
+        versions = {} if version is None else {table: version}
+        if not self.exists(table):
+            raise LakeError(absent(table))
+        with evaluated(self.sources(versions), statement) as relation:
             yield relation, schema
-
-    def _views_for(
-        self, table: str, where: str | None, version: int | None
-    ) -> dict[str, pads.Dataset]:
-        """The table, and all others where a condition may ask for them."""
-        asked = where is not None and "select" in where.lower()
-        return (self.views() if asked else {}) | {table: self._dataset(table, version)}
-
-    def _dataset(self, table: str, version: int | None) -> pads.Dataset:
-        dataset = self.delta(table, version).to_pyarrow_dataset()
-        # Versions from before a migration lack the columns that it added: they read as null.
-        added = [
-            field for field in SCHEMAS[table] if dataset.schema.get_field_index(field.name) < 0
-        ]
-        return dataset.replace_schema(pa.schema([*dataset.schema, *added])) if added else dataset
 
     def _chosen(self, table: str, columns: Sequence[str] | None) -> pa.Schema:
         self.uri(table)
@@ -388,6 +403,28 @@ class Lake:
 
 def _retried() -> CommitProperties:
     return CommitProperties(max_commit_retries=COMMIT_RETRIES)
+
+
+class _Sources(Mapping[str, Source]):
+    """Tables of a lake by name; each is opened when it is asked for."""
+
+    def __init__(self, lake: Lake, versions: Mapping[str, int]) -> None:
+        self._lake = lake
+        self._versions = versions
+
+    def __getitem__(self, table: str) -> Source:
+        return self._lake.source(table, self._versions.get(table))
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._lake.tables())
+
+    def __len__(self) -> int:
+        return len(self._lake.tables())
+
+
+def _path(uri: str) -> str:
+    """The path that delta-rs names by a URI of its own."""
+    return unquote(uri.removeprefix("file://"))
 
 
 def _require_known(table: str, delta: DeltaTable) -> None:
