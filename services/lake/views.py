@@ -48,10 +48,10 @@ VIEWS: dict[str, View] = {
     ),
     "rejection_reasons": View(
         """
-        SELECT dataset_id, reason, count(*) AS solutions,
-            count(*) / sum(count(*)) OVER (PARTITION BY dataset_id) AS share_of_reasons
-        FROM (SELECT dataset_id, unnest(reject_reasons) AS reason FROM solutions)
-        GROUP BY ALL ORDER BY dataset_id, solutions DESC
+        WITH given AS (SELECT dataset_id, unnest(reject_reasons) AS reason FROM solutions),
+            counted AS (SELECT dataset_id, reason, count(*) AS solutions FROM given GROUP BY ALL)
+        SELECT *, solutions / sum(solutions) OVER (PARTITION BY dataset_id) AS share_of_reasons
+        FROM counted ORDER BY dataset_id, solutions DESC
         """,
         "a reason for refusal: how often",
         ("solutions",),

@@ -3,13 +3,18 @@
 import csv
 import json
 import re
+from datetime import UTC, datetime
+from pathlib import Path
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
 from services.errors import LakeError, OutputError
-from services.lake.queries import query, write_result
+from services.lake.queries import query, streamed, write_result
+from services.lake.schemas import SCHEMAS
+from services.lake.tables import Lake
+from services.lake.views import DOCUMENTED, VIEWS
 
 
 @pytest.fixture
@@ -193,3 +198,118 @@ def test_a_format_or_file_that_is_impossible_is_refused(filled, tmp_path):
     with pytest.raises(OutputError, match="no regular file"):
         write_result(result, tmp_path, "csv")
     assert list(tmp_path.glob(".*partial")) == []
+
+
+REFUSED = [
+    "WITH w AS (COPY (SELECT 1) TO '{file}' (USE_TMP_FILE false)) SELECT * FROM w",
+    "EXPLAIN ANALYZE WITH w AS (COPY (SELECT 1) TO '{file}') SELECT * FROM w",
+    "SELECT * FROM (WITH w AS (COPY (SELECT 1) TO '{file}') SELECT * FROM w)",
+    "SELECT * FROM read_parquet('{file}')",
+    "SELECT * FROM \"read_parquet\"('{file}')",
+    "SELECT * FROM main.read_text('{file}')",
+    "SELECT * FROM parquet_metadata('{file}')",
+    "SELECT * FROM glob('{folder}/*')",
+    "SELECT * FROM '{file}'",
+    "SELECT seed, (SELECT content FROM read_blob('{file}')) FROM datasets",
+    "SELECT getenv('HOME')",
+    "SELECT \"getenv\"('HOME')",
+    "SELECT current_setting('allowed_paths')",
+    "SELECT * FROM duckdb_settings()",
+    "SELECT * FROM query('SELECT 1')",
+    "SELECT * FROM 'http://127.0.0.1:1/x.parquet'",
+    "ATTACH '{folder}/new.db'",
+    "INSTALL httpfs",
+    "LOAD httpfs",
+    "SET enable_external_access = true",
+    "PRAGMA database_list",
+    "CREATE MACRO m() AS TABLE SELECT * FROM read_text('{file}')",
+    "PIVOT datasets ON robot USING count(*)",
+    "CALL pragma_version()",
+]
+
+
+@pytest.mark.parametrize("sql", REFUSED)
+def test_what_does_more_than_read_tables_is_refused_and_changes_nothing(filled, tmp_path, sql):
+    folder = filled.storage.folder / "datasets"
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    file = next(folder.glob("*.parquet"))
+    with pytest.raises(LakeError, match=r"^query: [^\n]+$"):
+        query(filled, sql.format(file=file, folder=folder))
+    after = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    assert after == before
+
+
+def test_what_only_reads_is_run(filled):
+    for sql in (
+        "SELECT * FROM range(3)",
+        "SELECT unnest([1, 2]) FROM datasets",
+        "WITH RECURSIVE n(k) AS (SELECT 1 UNION ALL SELECT k + 1 FROM n WHERE k < 4) FROM n",
+        "SELECT * FROM datasets UNION ALL SELECT * FROM datasets",
+        "EXPLAIN SELECT * FROM datasets",
+        "EXPLAIN ANALYZE SELECT * FROM datasets",
+        "SUMMARIZE datasets",
+        "DESCRIBE datasets",
+        "SHOW TABLES",
+        "FROM datasets SELECT seed ORDER BY seed",
+        "VALUES (1)",
+    ):
+        assert query(filled, sql).num_rows > 0, sql
+
+
+def solution(**changes):
+    """A row of ``solutions`` over two lines, to a goal a metre away."""
+    return {
+        "dataset_id": "a",
+        "status": "converged",
+        "reject_reasons": [],
+        "cost_terms": [],
+        "constraint_violation": [],
+        "violations": [("closest_foothold_1", 0.2)],
+        "start_pose": [0.0, 0.0, 0.0],
+        "goal_pose": [1.0, 0.0, 0.0],
+        "obstacles": [0.5, 0.0, 1.5, 0.8, 0.0, 1.6],
+        "code_version": "0",
+        "config_hash": "0",
+        "created_at": datetime(2026, 11, 25, tzinfo=UTC),
+        **changes,
+    }
+
+
+def test_views_say_what_the_tables_do(tmp_path):
+    lake = Lake(tmp_path / "views")
+    rows = [
+        {"index": 0, "accepted": True, "cost": 3.0, "expected_cost": 2.5, "goal_pose": [3.0, 4, 0]},
+        {"index": 1, "accepted": False, "cost": 9.0, "reject_reasons": ["cost", "flight"]},
+        {"index": 2, "accepted": False, "cost": 8.0, "reject_reasons": ["cost"]},
+    ]
+    made = pa.Table.from_pylist([solution(**row) for row in rows], schema=SCHEMAS["solutions"])
+    lake.append("solutions", made, app_id="x", number=1)
+    seen = query(lake, "SELECT * FROM solutions_overview ORDER BY index").to_pylist()
+    assert [row["distance_m"] for row in seen] == [5.0, 1.0, 1.0]
+    assert [row["cost_above_expected"] for row in seen] == [0.5, None, None]
+    assert [row["lines"] for row in seen] == [2, 2, 2]
+    reasons = query(lake, "SELECT reason, solutions FROM rejection_reasons").to_pylist()
+    assert reasons == [
+        {"reason": "cost", "solutions": 2},
+        {"reason": "flight", "solutions": 1},
+    ]
+    by_distance = query(lake, "SELECT distance_m, accepted_share FROM accepted_by_distance")
+    assert by_distance.to_pydict() == {"distance_m": [1.0, 5.0], "accepted_share": [0.0, 1.0]}
+    with pytest.raises(LakeError, match="table 'segments' is not there yet"):
+        query(lake, "SELECT * FROM segments_overview")
+
+
+def test_a_result_comes_a_batch_at_a_time(filled):
+    with streamed(filled, "SELECT range AS k, range AS k FROM range(5000)") as result:
+        first = next(iter(result))
+        assert 0 < first.num_rows < 5000
+        assert result.schema.names == ["k", "k_1"]
+        rest = result.read_all()
+    assert first.num_rows + rest.num_rows == 5000
+
+
+def test_the_page_shows_exactly_the_documented_queries():
+    page = (Path(__file__).parents[2] / "docs" / "queries.md").read_text(encoding="utf-8")
+    shown = {" ".join(sql.split()) for sql in re.findall(r"```sql\n(.*?)```", page, re.S)}
+    assert shown == {" ".join(sql.split()) for sql in DOCUMENTED.values()}
+    assert all(f"`{name}`" in page for name in VIEWS)
