@@ -73,15 +73,25 @@ def resolve_cut(config: Configuration, workspace: Workspace, dataset_id: str) ->
     return str(known[0])
 
 
-def learning_data(config: Configuration, workspace: Workspace, dataset_id: str) -> LearningData:
+def learning_data(
+    config: Configuration, workspace: Workspace, dataset_id: str, at: int | None = None
+) -> LearningData:
     """Read the segments that the configuration means, see :func:`resolve_cut`.
 
+    Args:
+        config: How they were cut.
+        workspace: The home.
+        dataset_id: The data set.
+        at: Version of the table ``segments``, to learn once more from what was there then; the
+            present one by default.
+
     Raises:
-        DataError: The data set has not been cut in a way that can be told.
+        DataError: The data set has not been cut in a way that can be told, or not by then.
+        LakeError: There is no such version.
     """
     lake = workspace.lake
     cut = resolve_cut(config, workspace, dataset_id)
-    version = lake.version("segments")
+    version = lake.version("segments") if at is None else at
     table = lake.read(
         "segments",
         ["split", "x", "tau"],
@@ -89,6 +99,11 @@ def learning_data(config: Configuration, workspace: Workspace, dataset_id: str) 
         order_by="solution_index, epoch_s, goal_time_s",
         version=version,
     )
+    if not table.num_rows:
+        raise DataError(
+            f"data set {dataset_id!r} (cut {cut}) has no segments in version {version}; see "
+            "`lmtr lake history segments`"
+        )
     x, tau = _matrix(table["x"]), _matrix(table["tau"])
     held_out = np.array(table["split"].to_pylist()) == "validation"
     training = TrainingData(x[~held_out], tau[~held_out])

@@ -40,6 +40,10 @@ DatasetOption = Annotated[
     str | None,
     typer.Option("--dataset", "-d", help="Data set id. [default: the newest in the home]"),
 ]
+AtOption = Annotated[
+    int | None,
+    typer.Option("--at", min=0, help="Version of the table segments. [default: the present one]"),
+]
 WorkersOption = Annotated[
     int | None,
     typer.Option(
@@ -106,9 +110,13 @@ def dataset_id(
 
 
 def learning_data(
-    space: Workspace, settings: Configuration, config: str | None, dataset: str | None
+    space: Workspace,
+    settings: Configuration,
+    config: str | None,
+    dataset: str | None,
+    at: int | None = None,
 ) -> "LearningData":
-    """The segments of that data set."""
+    """The segments of that data set, in a version of their table."""
     from pipelines.learning_data import learning_data as segments_of
 
-    return segments_of(settings, space, dataset_id(space, settings, config, dataset))
+    return segments_of(settings, space, dataset_id(space, settings, config, dataset), at)

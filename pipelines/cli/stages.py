@@ -10,6 +10,7 @@ import typer
 
 from pipelines.cli import options
 from pipelines.cli.options import (
+    AtOption,
     ConfigOption,
     DatasetOption,
     HomeOption,
@@ -136,6 +137,7 @@ def train(
     dataset: DatasetOption = None,
     config: ConfigOption = None,
     overrides: SetOption = None,
+    at: AtOption = None,
     home: HomeOption = None,
 ) -> None:
     """Train one model per latent dimension on the segments of a data set."""
@@ -148,7 +150,7 @@ def train(
         cluster__workers=workers,
     )
     space = options.workspace(ctx, home, settings)
-    fit(settings, space, options.learning_data(space, settings, config, dataset))
+    fit(settings, space, options.learning_data(space, settings, config, dataset, at))
 
 
 def evaluate(
@@ -160,6 +162,7 @@ def evaluate(
     dataset: DatasetOption = None,
     config: ConfigOption = None,
     overrides: SetOption = None,
+    at: AtOption = None,
     home: HomeOption = None,
 ) -> None:
     """Roll every trained replanner and the trajectory library out over random obstacle courses."""
@@ -169,7 +172,7 @@ def evaluate(
         config, overrides, evaluation__rollouts=rollouts, cluster__workers=workers
     )
     space = options.workspace(ctx, home, settings)
-    roll_out(settings, space, options.learning_data(space, settings, config, dataset))
+    roll_out(settings, space, options.learning_data(space, settings, config, dataset, at))
 
 
 def report(
@@ -177,6 +180,7 @@ def report(
     dataset: DatasetOption = None,
     config: ConfigOption = None,
     overrides: SetOption = None,
+    at: AtOption = None,
     home: HomeOption = None,
 ) -> None:
     """Write the HTML report of a data set, its models and its rollouts."""
@@ -184,4 +188,4 @@ def report(
 
     settings = options.configuration(config, overrides)
     space = options.workspace(ctx, home, settings)
-    typer.echo(write(space, options.learning_data(space, settings, config, dataset)))
+    typer.echo(write(space, options.learning_data(space, settings, config, dataset, at)))
