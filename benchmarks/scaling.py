@@ -37,11 +37,10 @@ SOLVE_S = 0.25
 BATCH_S = 2.0
 COMMIT_S = 10.0
 
+# Prices ($): of a core for an hour, a thousand writes to and reads of a store.
 CORE_HOUR = 0.04
-"""Price of a core for an hour ($), of a thousand writes and of a thousand reads of a store ($)."""
 THOUSAND_WRITES = 0.005
 THOUSAND_READS = 0.0004
-GB_MONTH = 0.023
 
 
 @dataclass(frozen=True)
@@ -115,7 +114,7 @@ def measure(out: Path) -> Writer:
     sizes = [10, 1000, 4000] * 4
     seconds, start = [], 0
     for size in sizes:
-        rows = _rows(start, size)
+        rows = rows_like_solutions(start, size)
         began = time.perf_counter()
         appender.append(rows)
         seconds.append(time.perf_counter() - began)
@@ -138,7 +137,7 @@ def measure(out: Path) -> Writer:
     )
 
 
-def _rows(start: int, count: int) -> pa.Table:
+def rows_like_solutions(start: int, count: int) -> pa.Table:
     """Rows as large as solutions of the default settings, of numbers that do not compress."""
     rng = np.random.default_rng(start)
     lists = {
