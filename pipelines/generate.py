@@ -48,6 +48,8 @@ class SolveWorker:
     def __init__(self, config: Configuration, make_expert: MakeExpert = build_expert) -> None:
         self._config = config
         self._expert = make_expert(config)
+        self._dataset_id = config.dataset_id
+        self._cost_key = config.expert.cost_key(config.dataset.robot)
 
     def __call__(self, index: int) -> tuple[records.Row, Note]:
         """The row of ``solutions`` for the task of this index, and what is counted of it."""
@@ -55,7 +57,7 @@ class SolveWorker:
         task, noise = drawn(config, index)
         solution = self._expert.solve(task, noise)
         violations = measure(solution.trajectory, robot, task.obstacles_W)
-        expected = expected_cost(task, robot, config.expert.cost_key(robot), config.quality)
+        expected = expected_cost(task, robot, self._cost_key, config.quality)
         verdict = judge(
             str(solution.status),
             solution.cost,
@@ -65,7 +67,7 @@ class SolveWorker:
             solution.saturated,
         )
         row = {
-            **identity(config, index),
+            **identity(self._dataset_id, index),
             **records.task_columns(task, noise),
             **records.solution_columns(solution, verdict, violations, expected),
         }
@@ -84,13 +86,13 @@ def drawn(config: Configuration, index: int) -> tuple[Task, Noise]:
     return task, sample_noise(config.tasks, config.expert.scope.n_swings, rng)
 
 
-def identity(config: Configuration, index: int) -> records.Row:
+def identity(dataset_id: str, index: int) -> records.Row:
     """Columns that say which row this is and what made it."""
     return {
-        "dataset_id": config.dataset_id,
+        "dataset_id": dataset_id,
         "index": index,
         "code_version": code_version(),
-        "config_hash": config.dataset_id.rsplit("-", 1)[-1],
+        "config_hash": dataset_id.rsplit("-", 1)[-1],
         "created_at": records.now(),
     }
 
@@ -172,7 +174,7 @@ def _failed(config: Configuration, index: int, error: str) -> tuple[pa.Table, No
         posed = records.task_columns(*drawn(config, index))
     except TaskError:  # drawing it is what failed
         posed = {}
-    row = {**identity(config, index), **posed, **records.error_columns(error)}
+    row = {**identity(config.dataset_id, index), **posed, **records.error_columns(error)}
     return SolveWorker.pack([row]), records.solution_note(row)
 
 

@@ -12,8 +12,6 @@ every first foot. Quantities are chosen so that constraints become linear where 
   the swing's duration, so that positions in a swing are linear in them (E5).
 """
 
-from functools import cache
-
 import numpy as np
 
 from lmtr.arrays import Array
@@ -32,7 +30,6 @@ END_POINTS = 3
 BEZIER_DEGREE = 3
 
 
-@cache
 def variable_blocks(scope: Scope) -> Blocks:
     """Blocks of the decision vector (E2).
 

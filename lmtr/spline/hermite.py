@@ -41,8 +41,3 @@ def value(u: Any, p0: Any, v0: Any, p1: Any, v1: Any, duration: Any) -> Any:  # 
 def first_derivative(u: Any, p0: Any, v0: Any, p1: Any, v1: Any, duration: Any) -> Any:  # noqa: ANN401
     """Time derivative (per second) of :func:`value`."""
     return cubic_slope(u, cubic(p0, v0, p1, v1, duration), duration)
-
-
-def second_derivative(u: Any, p0: Any, v0: Any, p1: Any, v1: Any, duration: Any) -> Any:  # noqa: ANN401
-    """Second time derivative (per second squared) of :func:`value`."""
-    return cubic_curvature(u, cubic(p0, v0, p1, v1, duration), duration)

@@ -1,10 +1,11 @@
 """Evaluation of a trajectory's splines at given times, by explicit look-up of node and phase.
 
 The coefficients of each cubic are worked out once and looked up for all its samples. In memory
-samples lie next to each other, component by component, as arithmetic on long rows is fast and on
-triples is not; records show them with the axes turned.
+the samples of a component lie next to each other, since arithmetic is fast on long rows and slow
+on triples; records show them with the axes turned.
 """
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,6 +17,9 @@ from lmtr.robot.model import N_FEET
 from lmtr.spline import hermite
 from lmtr.trajectory.nodes import POSITION, RATE, RPY, SWING_POSITION, SWING_VELOCITY, VALUE
 from lmtr.trajectory.trajectory import BASE_STEP, FORCE_PIECES, Trajectory
+
+_PLACE, _FORCE = slice(0, 3), slice(3, 6)
+"""Components of a foot's nodes: its position (m), and the force on it (N)."""
 
 
 @dataclass(frozen=True)
@@ -101,12 +105,12 @@ class FootSamples:
 
 def sample_base(trajectory: Trajectory, times: Array) -> BaseSamples:
     """Base motion at ``times`` (..., M) in s; outside the base nodes the end polynomials go on."""
-    nodes = np.moveaxis(trajectory.base_nodes, -3, -1)  # (..., 2, 6, N)
+    nodes = np.moveaxis(trajectory.base_nodes, (-2, -1), (0, 1))  # (2, 6, ..., N)
+    times = np.broadcast_to(times, (*trajectory.batch_shape, times.shape[-1]))
     local = (times - trajectory.base_start[..., None]) / BASE_STEP
     # An epoch on a knot belongs to the polynomial that begins there, despite rounding.
     index = np.clip(np.floor(local + 1e-9).astype(np.intp), 0, nodes.shape[-1] - 2)
-    cubics = _cubics(np.moveaxis(nodes, (-3, -2), (0, 1)), BASE_STEP)
-    return BaseSamples(local - index, _looked_up(cubics, index))
+    return BaseSamples(local - index, _looked_up(_cubics(nodes, BASE_STEP), index))
 
 
 def sample_feet(trajectory: Trajectory, times: Array) -> FootSamples:
@@ -114,12 +118,12 @@ def sample_feet(trajectory: Trajectory, times: Array) -> FootSamples:
 
     Before the first stance begins a foot stands in it; after the last one ended it stays there.
     """
-    shape = (*trajectory.batch_shape, N_FEET, times.shape[-1])
-    return sample_each_foot(trajectory, np.broadcast_to(times[..., None, :], shape))
+    return sample_each_foot(trajectory, times[..., None, :])
 
 
 def sample_each_foot(trajectory: Trajectory, times: Array) -> FootSamples:
     """Like :func:`sample_feet`, at times of its own for each foot, (..., 4, M) in s."""
+    times = np.broadcast_to(times, (*trajectory.batch_shape, N_FEET, times.shape[-1]))
     changes = trajectory.contact_times[..., 1:-1, None]  # lift-offs and touch-downs of each foot
     phase = (times[..., None, :] >= changes).sum(axis=-2)  # (..., 4, M), 0 … 2S − 2
     contact = phase % 2 == 0
@@ -127,12 +131,12 @@ def sample_each_foot(trajectory: Trajectory, times: Array) -> FootSamples:
     durations = np.maximum(np.diff(trajectory.contact_times, axis=-1), 1e-9)
     begin, duration = _looked_up(np.stack([begins, durations]), phase)
     since = times - begin
-    # A phase has two cubics of half its duration, be it a stance (of forces) or a swing.
+    # Each phase is two cubics of half its duration: a stance in its forces, a swing in its place.
     local = FORCE_PIECES * np.clip(since / duration, 0.0, 1.0)
     second = local >= 1.0
     u = local - second
-    cubics = _cubics(_foot_nodes(trajectory), durations[..., None] / FORCE_PIECES)
-    in_a_row = cubics.reshape((*cubics.shape[:-2], -1))
+    halves = _cubics(_foot_nodes(trajectory), durations[..., None] / FORCE_PIECES)
+    in_a_row = halves.reshape((*halves.shape[:-2], -1))  # halves of all phases of a foot
     cubics = _looked_up(in_a_row, FORCE_PIECES * phase + second)
     value = _by_time(hermite.cubic_value(u, cubics))
     velocity = hermite.cubic_slope(u, cubics[:, _PLACE], duration / FORCE_PIECES)
@@ -144,10 +148,6 @@ def sample_each_foot(trajectory: Trajectory, times: Array) -> FootSamples:
         time_since_liftoff=np.where(contact, 0.0, since).swapaxes(-2, -1),
         stance=(phase // 2).swapaxes(-2, -1),
     )
-
-
-_PLACE, _FORCE = slice(0, 3), slice(3, 6)
-"""Components of a foot's nodes: its position (m), and the force on it (N)."""
 
 
 def _foot_nodes(trajectory: Trajectory) -> Array:
@@ -178,7 +178,7 @@ def _cubics(nodes: Array, duration: Array | float) -> Array:
 def _looked_up(table: Array, index: Indices) -> Array:
     """Entries at index (..., M) of the last axis of a table (*C, ..., P), giving (*C, ..., M)."""
     owners, length = index.shape[:-1], table.shape[-1]
-    begin = length * np.arange(np.prod(owners, dtype=np.intp)).reshape((*owners, 1))
+    begin = length * np.arange(math.prod(owners)).reshape((*owners, 1))
     components = table.shape[: table.ndim - index.ndim]
     return np.asarray(table.reshape((*components, -1)).take(begin + index, axis=-1))
 

@@ -1,7 +1,10 @@
 """Residuals against motions whose balance is known in closed form."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from lmtr.geometry.rotation import angular_velocity_W, rate_rows, rate_rows_derivative
 from lmtr.quality.residual import (
@@ -119,6 +122,16 @@ def test_angular_velocity_and_its_rate_agree_with_the_rates_of_roll_pitch_yaw(wa
         change = np.array(rate_rows(rpy[1], rpy[2], np)) @ second
         change += np.array(rate_rows_derivative(rpy[1], rpy[2], rate[1], rate[2], np)) @ rate
         assert motion.omega_rate[k] == pytest.approx(change, abs=1e-4)
+
+
+def test_the_base_is_turned_as_scipy_turns_it(walk):
+    turning = np.array([[0.3, -0.2, 2.5], [-0.1, 0.4, -3.0]])
+    trajectory = walk(1).trajectory
+    nodes = trajectory.base_nodes.copy()
+    nodes[:, 0, 3:] += np.linspace(*turning, len(nodes))
+    motion = rigid_motion(replace(trajectory, base_nodes=nodes), TIMES)
+    expected = Rotation.from_euler("ZYX", motion.rpy[:, ::-1]).as_matrix()
+    assert motion.rotation == pytest.approx(expected, abs=1e-14)
 
 
 def test_drift_is_half_the_unexplained_acceleration_times_time_squared():

@@ -8,7 +8,7 @@ from scipy.interpolate import CubicHermiteSpline
 from lmtr.robot.model import N_FEET
 from lmtr.trajectory.motion import sampled
 from lmtr.trajectory.nodes import POSITION, RATE, RPY, SWING_POSITION, SWING_VELOCITY, VALUE
-from lmtr.trajectory.sample import sample_base, sample_feet
+from lmtr.trajectory.sample import sample_base, sample_each_foot, sample_feet
 from lmtr.trajectory.trajectory import BASE_STEP, FORCE_PIECES
 
 seeds = st.integers(0, 2**32 - 1)
@@ -111,6 +111,29 @@ def test_feet_stand_before_their_first_stance_and_after_their_last(scramble, see
     for k, stance in enumerate((0, -1)):
         assert np.array_equal(feet.position[k], trajectory.footholds[:, stance])
     assert (feet.velocity == 0.0).all()
+
+
+@given(seed=seeds, stances=st.integers(1, 4))
+def test_feet_sampled_at_times_of_their_own_are_those_sampled_together(scramble, seed, stances):
+    trajectory = scramble(seed, stances=stances)
+    times = np.random.default_rng(seed).uniform(-1.0, 3.0, (N_FEET, 20))
+    apart = vars(sample_each_foot(trajectory, times))
+    for foot in range(N_FEET):
+        for name, expected in vars(sample_feet(trajectory, times[foot])).items():
+            assert np.array_equal(apart[name][:, foot], expected[:, foot]), name
+
+
+@given(seed=seeds, stances=st.integers(1, 4))
+def test_a_batch_is_sampled_as_its_members_are(scramble, seed, stances):
+    batch = scramble(seed, stances=stances, batch=(2, 3))
+    times = np.random.default_rng(seed).uniform(-1.0, 3.0, (2, 3, 20))
+    base, feet = sample_base(batch, times), vars(sample_feet(batch, times))
+    for member in np.ndindex(2, 3):
+        alone = sample_base(batch[member], times[member])
+        for name in ("position", "rpy_rate", "acceleration"):
+            assert np.array_equal(getattr(base, name)[member], getattr(alone, name)), name
+        for name, expected in vars(sample_feet(batch[member], times[member])).items():
+            assert np.array_equal(feet[name][member], expected), name
 
 
 @given(seed=seeds, nodes=st.integers(2, 9), dt=st.floats(0.003, 0.2))
