@@ -1,6 +1,6 @@
 """Measure commits: one writer against 64 at once, and count rows that are lost or doubled.
 
-    python benchmarks/commits.py --writers 64
+    python -m benchmarks.commits --writers 64
 
 Writers are threads of this process, for delta-rs lets go of Python while it works. They append rows
 of the size of solutions to one table: one writer alone; all writers, each with a data set of its
