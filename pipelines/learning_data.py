@@ -3,14 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-import pyarrow as pa
 
-from lmtr.arrays import Array
 from lmtr.errors import DataError
 from lmtr.models.data import TrainingData
 from lmtr.vectors.mirror import mirror_segment, mirror_task
 from pipelines.config import Configuration
-from pipelines.segment import selection
+from pipelines.segment_arrays import Cut, segment_arrays
 from pipelines.workspace import Workspace
 
 
@@ -78,6 +76,8 @@ def learning_data(
 ) -> LearningData:
     """Read the segments that the configuration means, see :func:`resolve_cut`.
 
+    They are in double precision, in which scalings are fitted and motions mirrored.
+
     Args:
         config: How they were cut.
         workspace: The home.
@@ -92,20 +92,8 @@ def learning_data(
     lake = workspace.lake
     cut = resolve_cut(config, workspace, dataset_id)
     version = lake.version("segments") if at is None else at
-    table = lake.read(
-        "segments",
-        ["split", "x", "tau"],
-        where=selection(dataset_id, cut),
-        order_by="solution_index, epoch_s, goal_time_s",
-        version=version,
-    )
-    if not table.num_rows:
-        raise DataError(
-            f"data set {dataset_id!r} (cut {cut}) has no segments in version {version}; see "
-            "`lmtr lake history segments`"
-        )
-    x, tau = _matrix(table["x"]), _matrix(table["tau"])
-    held_out = np.array(table["split"].to_pylist()) == "validation"
+    found = segment_arrays(lake, Cut(dataset_id, cut, version), np.float64)
+    x, tau, held_out = found.x, found.tau, found.held_out
     training = TrainingData(x[~held_out], tau[~held_out])
     if config.training.mirror:
         training = TrainingData(
@@ -119,8 +107,3 @@ def learning_data(
         training,
         TrainingData(x[held_out], tau[held_out]),
     )
-
-
-def _matrix(column: pa.ChunkedArray) -> Array:
-    values = column.combine_chunks().flatten().to_numpy(zero_copy_only=False)
-    return np.asarray(values, dtype=np.float64).reshape(len(column), -1)
