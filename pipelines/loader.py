@@ -66,7 +66,7 @@ def stream_segments(
     """
     space = Workspace.open(home, create=False)
     cut = _cut(space, dataset, split, version, segmentation)
-    for x, tau in vector_batches(space.lake, cut):
+    for x, tau in vector_batches(space.lake, cut, space.lake.delta("segments", cut.version)):
         yield SegmentTensors.sharing(x, tau)
 
 

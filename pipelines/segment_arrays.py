@@ -7,6 +7,7 @@ from typing import Generic, TypeVar
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+from deltalake import DeltaTable
 from numpy.typing import NDArray
 
 from lmtr.errors import DataError
@@ -74,8 +75,9 @@ def segment_arrays(lake: Lake, cut: Cut, dtype: type[Real]) -> SegmentArrays[Rea
     Raises:
         DataError: There are none.
     """
+    opened = lake.delta("segments", cut.version)
     columns = [*ORDER, "split"]
-    batches = list(lake.scan("segments", columns, cut.rows, cut.version))
+    batches = list(lake.scan("segments", columns, cut.rows, opened))
     keys = pa.Table.from_batches(batches, batches[0].schema) if batches else None
     if keys is None or keys.num_rows == 0:
         raise DataError(
@@ -88,7 +90,7 @@ def segment_arrays(lake: Lake, cut: Cut, dtype: type[Real]) -> SegmentArrays[Rea
     x = np.empty((len(order), TASK_LAYOUT.size), dtype)
     tau = np.empty((len(order), SEGMENT_LAYOUT.size), dtype)
     done = 0
-    for some_x, some_tau in vector_batches(lake, cut):
+    for some_x, some_tau in vector_batches(lake, cut, opened):
         rows = place[done : done + len(some_x)]
         x[rows], tau[rows] = some_x, some_tau
         done += len(some_x)
@@ -97,10 +99,10 @@ def segment_arrays(lake: Lake, cut: Cut, dtype: type[Real]) -> SegmentArrays[Rea
 
 
 def vector_batches(
-    lake: Lake, cut: Cut
+    lake: Lake, cut: Cut, opened: DeltaTable
 ) -> Iterator[tuple[NDArray[np.float32], NDArray[np.float32]]]:
     """(x, τ) a batch at a time, in the order of the files, on Arrow's own memory."""
-    for batch in lake.scan("segments", ["x", "tau"], cut.rows, cut.version):
+    for batch in lake.scan("segments", ["x", "tau"], cut.rows, opened):
         if batch.num_rows:
             yield _matrix(batch["x"], TASK_LAYOUT), _matrix(batch["tau"], SEGMENT_LAYOUT)
 

@@ -148,9 +148,9 @@ class Lake:
         table: str,
         columns: Sequence[str],
         only: pc.Expression | None = None,
-        version: int | None = None,
+        opened: DeltaTable | None = None,
     ) -> Iterator[pa.RecordBatch]:
-        """Columns as they lie in the files: in no particular order, but always in the same.
+        """Columns as they lie in the files, in the same order for the same opened table.
 
         It is the fast way to numbers that fill the memory: nothing is sorted or copied.
 
@@ -158,13 +158,13 @@ class Lake:
             table: Name of the table.
             columns: Which columns.
             only: Which rows; all by default.
-            version: Version of the table; the present one by default.
+            opened: The table from :meth:`delta`; its present version by default.
 
         Raises:
-            LakeError: The table, version or a column is missing, or a file is damaged.
+            LakeError: The table or a column is missing, or a file is damaged.
         """
         names = self._chosen(table, columns).names
-        dataset = _dataset(self.delta(table, version), SCHEMAS[table])
+        dataset = _dataset(opened or self.delta(table), SCHEMAS[table])
         try:
             yield from dataset.to_batches(
                 columns=names, filter=only, batch_size=SCANNED_ROWS, batch_readahead=4
