@@ -104,6 +104,28 @@ def export_segments(workspace: Workspace, out: Path, where: str | None, limit: i
     return file.rows
 
 
+def export_segments_npz(
+    workspace: Workspace, out: Path, where: str | None, limit: int | None
+) -> int:
+    """Write x, τ and their keys as NumPy arrays, with both layouts as JSON; returns the rows.
+
+    All rows are in memory at once.
+    """
+    order = "dataset_id, segmentation_id, solution_index, epoch_s, goal_time_s"
+    rows = workspace.lake.read("segments", where=where, order_by=order, limit=limit)
+    arrays = {name: rows[name].to_numpy() for name in ("solution_index", "epoch_s", "goal_time_s")}
+    for name in ("dataset_id", "segmentation_id", "split"):
+        arrays[name] = np.array(rows[name].to_pylist(), dtype=np.str_)
+    for name in ("x", "tau"):
+        values = rows[name].combine_chunks().flatten().to_numpy(zero_copy_only=False)
+        arrays[name] = values.reshape(rows.num_rows, -1)
+    layouts = {"task": TASK_LAYOUT.metadata(), "segment": SEGMENT_LAYOUT.metadata()}
+    arrays["layouts"] = np.array(records.to_json(layouts))
+    with whole_file(out) as partial, partial.open("wb") as file:
+        np.savez(file, **arrays)
+    return int(rows.num_rows)
+
+
 def _beside(out: Path, name: str) -> Path:
     """FILE.name.parquet beside FILE.parquet."""
     return out.with_name(f"{out.name.removesuffix('.parquet')}.{name}.parquet")

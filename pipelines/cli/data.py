@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from lmtr.errors import ConfigurationError
 from pipelines.cli import options
 from pipelines.cli.options import HomeOption
 
@@ -25,6 +26,13 @@ class Exported(StrEnum):
     SOLUTIONS = "solutions"
     SEGMENTS = "segments"
     ROLLOUTS = "rollouts"
+
+
+class Arrays(StrEnum):
+    """Files that exports are written to."""
+
+    PARQUET = "parquet"
+    NPZ = "npz"
 
 
 class Shown(StrEnum):
@@ -89,7 +97,7 @@ def query(
 def export(
     ctx: typer.Context,
     what: Annotated[Exported, typer.Argument(help="What to export.")],
-    out: Annotated[Path, typer.Option("--out", "-o", help="Parquet file to write.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="File to write.")],
     dt: Annotated[
         float, typer.Option("--dt", help="Sample time of solutions (s).", min=1e-4, max=10.0)
     ] = 0.01,
@@ -99,12 +107,23 @@ def export(
     limit: Annotated[
         int | None, typer.Option("--limit", help="At most so many rows.", min=1)
     ] = None,
+    form: Annotated[
+        Arrays, typer.Option("--format", "-f", help="npz: segments alone, as NumPy arrays.")
+    ] = Arrays.PARQUET,
     home: HomeOption = None,
 ) -> None:
-    """Write solutions, segments or rollouts to Parquet, sampled and in SI units (docs/data.md)."""
+    """Write solutions, segments or rollouts to a file, sampled and in SI units (docs/data.md)."""
+    from pipelines import export as exports
     from pipelines.export import export_rollouts, export_segments, export_solutions
 
     space = options.archive(ctx, home)
+    if form is Arrays.NPZ:
+        if what is not Exported.SEGMENTS:
+            raise ConfigurationError(
+                f"export: {what} have rows of many lengths and are no arrays; leave --format out"
+            )
+        typer.echo(f"{out}: {exports.export_segments_npz(space, out, where, limit)} rows")
+        return
     count = {
         Exported.SOLUTIONS: lambda: export_solutions(space, out, dt, where, limit),
         Exported.SEGMENTS: lambda: export_segments(space, out, where, limit),

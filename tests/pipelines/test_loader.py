@@ -1,5 +1,6 @@
 """Segments as tensors: the rows of the table in their order, on memory that nothing copies."""
 
+import json
 import re
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import torch
 
 from lmtr.errors import DataError
 from lmtr.models.tensors import SegmentTensors
+from lmtr.vectors.layout import TASK_LAYOUT
 from pipelines.loader import load_segments, stream_segments
 from services.home import Home
 from services.lake.tables import Lake
@@ -83,3 +85,17 @@ def test_the_example_of_the_page_runs(tiny_home, monkeypatch, capsys):
     (example,) = re.findall(r"```python\n(.*?)```", page, re.S)
     exec(example.replace("lmtr-home", str(tiny_home)).replace("512", "4"), {})
     assert "torch.Size([4, 35]) torch.Size([4, 264])" in capsys.readouterr().out
+
+
+def test_segments_leave_as_numpy_arrays_with_their_layouts(lmtr, tiny_home, rows, tmp_path):
+    out = tmp_path / "segments.npz"
+    status, said, _ = lmtr("export", "segments", "--format", "npz", "-o", out, "--home", tiny_home)
+    assert (status, said) == (0, f"{out}: {len(rows)} rows\n")
+    arrays = np.load(out)
+    np.testing.assert_array_equal(arrays["tau"], load_segments(tiny_home).tau.numpy())
+    for name in ("solution_index", "epoch_s", "goal_time_s", "split"):
+        assert arrays[name].tolist() == rows[name].to_pylist()
+    assert json.loads(str(arrays["layouts"]))["task"] == TASK_LAYOUT.metadata()
+    status, _, err = lmtr("export", "solutions", "--format", "npz", "-o", out, "--home", tiny_home)
+    assert status == 2
+    assert "are no arrays" in err
