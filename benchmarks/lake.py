@@ -67,7 +67,7 @@ def main(
 
 
 def _files(lake: Lake, table: str) -> list[str]:
-    source = lake.source(table)
+    source = lake.sources()[table]
     if not isinstance(source, Files):
         raise DataError(f"benchmark: table {table!r} is not read as files; use a new home")
     return list(source.paths)

@@ -21,7 +21,8 @@ from deltalake.exceptions import CommitFailedError
 
 from services.errors import LakeError
 from services.lake.checks import conform
-from services.lake.tables import CONFLICT_RETRIES, Lake
+from services.lake.delta import CONFLICT_RETRIES
+from services.lake.tables import Lake
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,11 @@ from typing import Any
 import pyarrow.fs as pafs
 
 from services.errors import LakeError
+from services.lake.delta import VERSION_KEY
 from services.lake.inspection import data_files, table_files
 from services.lake.log import FOLDER, read_log
 from services.lake.schemas import IDENTITY, SCHEMAS
-from services.lake.tables import VERSION_KEY, Lake
+from services.lake.tables import Lake
 
 GRACE = timedelta(hours=1)
 """Age from which a file that no version refers to is no longer one that is being written."""

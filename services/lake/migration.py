@@ -12,8 +12,9 @@ from deltalake import CommitProperties, DeltaTable, Schema
 from deltalake.exceptions import CommitFailedError, DeltaError
 
 from services.errors import LakeError
+from services.lake.delta import CONFLICT_RETRIES, VERSION_KEY
 from services.lake.schemas import ADDED, SCHEMAS, older_versions, version_of
-from services.lake.tables import CONFLICT_RETRIES, VERSION_KEY, Lake
+from services.lake.tables import Lake
 
 
 def outdated(lake: Lake, table: str) -> str | None:

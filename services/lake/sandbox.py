@@ -80,7 +80,8 @@ def _offer(
     names = {name.lower() for name in reading.names}
     views = {name for name in VIEWS if name in names}
     needed = names | {table for name in views for table in VIEWS[name].tables}
-    tables = {name: sources[name] for name in sources if reading.lists or name in needed}
+    asked = list(sources) if reading.lists else sorted(needed)
+    tables = {name: sources[name] for name in asked if name in sources}
     paths = [
         path for source in tables.values() if isinstance(source, Files) for path in source.paths
     ]

@@ -4,36 +4,21 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeAlias
-from urllib.parse import unquote
 
 import duckdb
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.dataset as pads
-from deltalake import CommitProperties, DeltaTable, Transaction, write_deltalake
-from deltalake.exceptions import CommitFailedError, DeltaError, TableNotFoundError
+from deltalake import DeltaTable, Transaction
+from deltalake.exceptions import CommitFailedError, DeltaError
 
 from services.errors import LakeError
 from services.lake.checks import conform
+from services.lake.delta import CONFLICT_RETRIES, DeltaTables, dataset_of, retried
 from services.lake.exclusive import lock_of, rewriting
-from services.lake.sandbox import Files, Source, absent, evaluated
-from services.lake.schemas import SCHEMAS, older_versions, version_of
+from services.lake.sandbox import Source, absent, evaluated
+from services.lake.schemas import SCHEMAS
+from services.lake.sources import Recent, Sources
 from services.lake.storage import Storage
-from services.objects.faults import Fault, fault, plain
-
-COMMIT_RETRIES = 50
-"""How often delta-rs itself tries a commit that another writer was quicker with."""
-
-CONFLICT_RETRIES = 20
-"""How often an append begins anew when another writer made the table or took the transaction."""
-
-VERSION_KEY = "lmtr.schemaVersion"
-
-FIRST_VERSION_KEY = "lmtr.firstSchemaVersion"
-"""Version of the schema that a table was made with: files of that time lack later columns."""
-
-KEEP_LOG = {"delta.enableExpiredLogCleanup": "false"}
-"""Delta drops old versions after 30 days; a model must find its data for good."""
 
 BATCH_ROWS = 256
 
@@ -43,7 +28,7 @@ Value: TypeAlias = Any
 """A value out of a query: its statement decides the type."""
 
 
-class Lake:
+class Lake(DeltaTables):
     """The tables at one place; made when they are first appended to.
 
     Appends are atomic and idempotent: every batch is a transaction ``(app_id, number)`` of its
@@ -54,30 +39,8 @@ class Lake:
     """
 
     def __init__(self, place: Path | str | Storage) -> None:
-        self.storage = Storage.at(place)
-
-    def tables(self) -> list[str]:
-        """Names of the tables that are there."""
-        return [name for name in SCHEMAS if self.exists(name)]
-
-    def exists(self, table: str) -> bool:
-        """Whether a table is there."""
-        try:
-            return DeltaTable.is_deltatable(self.uri(table), self._options)
-        except OSError as error:  # of an object store
-            raise self._unreadable(table, error) from error
-
-    def version(self, table: str) -> int:
-        """Present version of a table; every append raises it."""
-        return self.delta(table).version()
-
-    def history(self, table: str) -> list[dict[str, Any]]:
-        """The commits of a table, newest first."""
-        return self.delta(table).history()
-
-    def last_transaction(self, table: str, app_id: str) -> int | None:
-        """Number of the last transaction of ``app_id``, or None before its first."""
-        return self.delta(table).transaction_version(app_id) if self.exists(table) else None
+        super().__init__(Storage.at(place))
+        self._recent = Recent(self)
 
     def append(self, table: str, rows: pa.Table, *, app_id: str, number: int) -> bool:
         """Append a batch as transaction ``number`` of ``app_id``.
@@ -164,13 +127,13 @@ class Lake:
             LakeError: The table or a column is missing, or a file is damaged.
         """
         names = self._chosen(table, columns).names
-        dataset = _dataset(opened or self.delta(table), SCHEMAS[table])
+        dataset = dataset_of(opened or self.delta(table), SCHEMAS[table])
         try:
             yield from dataset.to_batches(
                 columns=names, filter=only, batch_size=SCANNED_ROWS, batch_readahead=4
             )
         except (pa.ArrowException, OSError) as error:
-            raise self._unreadable(table, error) from error
+            raise self.unreadable(table, error) from error
 
     def values(self, table: str, column: str, where: str | None = None) -> list[Any]:
         """The values of one column; none from a table that is not there yet."""
@@ -205,20 +168,7 @@ class Lake:
         Args:
             versions: Versions of tables; the present ones by default.
         """
-        return _Sources(self, versions or {})
-
-    def source(self, table: str, version: int | None = None) -> Source:
-        """Where DuckDB finds the rows of a table.
-
-        It reads a folder's files by itself, as long as all have the same columns; else Arrow does.
-        """
-        delta, schema = self.delta(table, version), SCHEMAS[table]
-        made_as = delta.metadata().configuration.get(FIRST_VERSION_KEY)
-        if made_as == version_of(schema) and not self.storage.is_remote:
-            paths = tuple(map(_path, delta.file_uris()))
-            if paths:
-                return Files(paths, tuple(schema.names))
-        return _dataset(delta, schema)
+        return Sources(self, self._recent, versions or {})
 
     def delete(self, table: str, where: str) -> int:
         """Take rows out of the present version of a table; returns how many they were.
@@ -237,9 +187,9 @@ class Lake:
                     f"(its lock: {lock_of(self.storage, table)})"
                 )
             try:
-                done = self.delta(table).delete(where, commit_properties=_retried())
+                done = self.delta(table).delete(where, commit_properties=retried())
             except (DeltaError, OSError) as error:
-                raise self._unwritable(table, error) from error
+                raise self.unwritable(table, error) from error
         return int(done["num_deleted_rows"])
 
     def compact(self, table: str) -> bool:
@@ -256,10 +206,10 @@ class Lake:
                 return False
             try:
                 self.refresh(table, delta)
-                delta.optimize.compact(commit_properties=_retried())
+                delta.optimize.compact(commit_properties=retried())
                 delta.create_checkpoint()
             except (DeltaError, OSError) as error:
-                raise self._unwritable(table, error) from error
+                raise self.unwritable(table, error) from error
         return True
 
     def _append_once(self, table: str, rows: pa.Table, transaction: Transaction) -> bool:
@@ -269,122 +219,6 @@ class Lake:
             return False
         self.commit(table, delta, rows, transaction)
         return True
-
-    def uri(self, table: str) -> str:
-        """Path or address of a table.
-
-        Raises:
-            LakeError: No table has that name.
-        """
-        if table not in SCHEMAS:
-            raise LakeError(f"lake: no table is called {table!r}; choose of {', '.join(SCHEMAS)}")
-        return self.storage.table(table)
-
-    @property
-    def _options(self) -> dict[str, str] | None:
-        return dict(self.storage.options) or None
-
-    def delta(self, table: str, version: int | None = None) -> DeltaTable:
-        """The table as delta-rs has it, in its present or an earlier version.
-
-        Raises:
-            LakeError: The table or the version is missing, cannot be read, or is of a schema that
-                this LMTR does not know.
-        """
-        delta = self.opened(table)
-        _require_known(table, delta)
-        latest = delta.version()
-        if version is not None and not 0 <= version <= latest:
-            raise LakeError(
-                f"table {table!r} has no version {version}; choose one of 0 to {latest}"
-            )
-        return delta if version is None else self.opened(table, version)
-
-    def opened(self, table: str, version: int | None = None) -> DeltaTable:
-        """The table as delta-rs has it, of whatever schema.
-
-        Raises:
-            LakeError: The table or the version is missing, or cannot be read.
-        """
-        try:
-            return DeltaTable(self.uri(table), version, storage_options=self._options)
-        except TableNotFoundError as error:
-            raise LakeError(absent(table)) from error
-        except (DeltaError, OSError) as error:
-            raise self._unreadable(table, error) from error
-
-    def open_or_create(self, table: str) -> DeltaTable:
-        """The table as delta-rs has it, made if it is not there.
-
-        Raises:
-            LakeError: It cannot be made or opened.
-        """
-        self.storage.require_safe_commits()
-        try:
-            for _ in range(CONFLICT_RETRIES):
-                with suppress(CommitFailedError):  # another process makes it
-                    return self._made(table)
-            return self.delta(table)
-        except (DeltaError, OSError) as error:
-            raise self._unwritable(table, error) from error
-
-    def refresh(self, table: str, delta: DeltaTable) -> None:
-        """Bring an opened table to its present version.
-
-        Raises:
-            LakeError: It cannot be read any more.
-        """
-        try:
-            delta.update_incremental()
-        except (DeltaError, OSError) as error:
-            raise self._unreadable(table, error) from error
-
-    def commit(
-        self,
-        table: str,
-        delta: DeltaTable,
-        rows: pa.Table,
-        transaction: Transaction,
-        metadata: Mapping[str, str] | None = None,
-    ) -> None:
-        """Append rows as a transaction to an opened table, which moves on to the new version.
-
-        Raises:
-            CommitFailedError: Another writer has used the transaction's name since the table was
-                opened.
-            LakeError: The table cannot be written.
-        """
-        properties = CommitProperties(
-            custom_metadata=dict(metadata or {}),
-            max_commit_retries=COMMIT_RETRIES,
-            app_transactions=[transaction],
-        )
-        try:
-            write_deltalake(delta, rows, mode="append", commit_properties=properties)
-        except CommitFailedError:
-            raise
-        except (DeltaError, OSError) as error:
-            raise self._unwritable(table, error) from error
-
-    def _made(self, table: str) -> DeltaTable:
-        if not self.exists(table):
-            schema = SCHEMAS[table]
-            if not self.storage.is_remote:
-                (self.storage.folder / table).mkdir(parents=True, exist_ok=True)
-            DeltaTable.create(
-                self.uri(table),
-                schema,
-                mode="ignore",
-                name=table,
-                configuration={
-                    VERSION_KEY: version_of(schema),
-                    FIRST_VERSION_KEY: version_of(schema),
-                    **KEEP_LOG,
-                },
-                storage_options=self._options,
-                raise_if_key_not_exists=False,
-            )
-        return self.delta(table)
 
     @contextmanager
     def _selected(
@@ -416,70 +250,6 @@ class Lake:
                 f"table {table!r} has no column {unknown[0]!r}; choose of {', '.join(schema.names)}"
             )
         return pa.schema([schema.field(name) for name in columns])
-
-    def _unreadable(self, table: str, error: Exception) -> LakeError:
-        cause, mend = self._fault(error, "look what is wrong with `lmtr lake check`")
-        return LakeError(f"table {table!r} cannot be read: {cause}; {mend}")
-
-    def _unwritable(self, table: str, error: Exception) -> LakeError:
-        cause, mend = self._fault(error, f"check space and permissions of {self.uri(table)}")
-        return LakeError(f"table {table!r} cannot be written: {cause}; {mend}")
-
-    def _fault(self, error: Exception, mend: str) -> Fault:
-        """What an error means: a store's own faults, or else its words."""
-        known = fault(error) if self.storage.is_remote else None
-        return known or Fault(plain(error), mend)
-
-
-def _retried() -> CommitProperties:
-    return CommitProperties(max_commit_retries=COMMIT_RETRIES)
-
-
-class _Sources(Mapping[str, Source]):
-    """Tables of a lake by name; each is opened when it is asked for."""
-
-    def __init__(self, lake: Lake, versions: Mapping[str, int]) -> None:
-        self._lake = lake
-        self._versions = versions
-
-    def __getitem__(self, table: str) -> Source:
-        return self._lake.source(table, self._versions.get(table))
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._lake.tables())
-
-    def __len__(self) -> int:
-        return len(self._lake.tables())
-
-
-def _dataset(delta: DeltaTable, schema: pa.Schema) -> pads.Dataset:
-    """An opened table as an Arrow data set; columns that were added later read as null."""
-    dataset = delta.to_pyarrow_dataset()
-    added = [field for field in schema if dataset.schema.get_field_index(field.name) < 0]
-    return dataset.replace_schema(pa.schema([*dataset.schema, *added])) if added else dataset
-
-
-def _path(uri: str) -> str:
-    """The path that delta-rs names by a URI of its own."""
-    return unquote(uri.removeprefix("file://"))
-
-
-def _require_known(table: str, delta: DeltaTable) -> None:
-    """Refuse a table whose columns are not those of this LMTR's schema."""
-    found, known = delta.metadata().configuration.get(VERSION_KEY), version_of(SCHEMAS[table])
-    if found in older_versions(table):
-        raise LakeError(
-            f"table {table!r} is of schema version {found}, this LMTR works with version {known}; "
-            "bring it up to date with `lmtr lake migrate`"
-        )
-    columns = {field.name for field in delta.schema().fields}
-    differing = sorted(columns.symmetric_difference(SCHEMAS[table].names))
-    if found != known or differing:
-        about = f" and differs in {', '.join(differing)}" if differing else ""
-        raise LakeError(
-            f"table {table!r} is of schema version {found}{about}, this LMTR knows version "
-            f"{known}; use the LMTR that made it, or another home"
-        )
 
 
 def _select(
