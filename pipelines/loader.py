@@ -6,13 +6,16 @@ from pipelines.loader import load_segments
 data = load_segments(Path("lmtr-home"), split="train")
 for batch in data.batches(512, torch.Generator().manual_seed(0)):
     ...  # batch.x (512, 35), batch.tau (512, 264)
+data.cut.version, data.solution_index  # what to note beside a model, and where each row is from
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lmtr.models.tensors import SegmentTensors
 from pipelines.config import Configuration
@@ -24,6 +27,23 @@ from pipelines.workspace import Workspace
 Split = Literal["train", "validation"]
 
 
+@dataclass(frozen=True, kw_only=True)
+class Segments(SegmentTensors):
+    """Segments of a home, and where each is from; the same ``cut`` gives the same rows for good.
+
+    Attributes:
+        cut: Data set, segmentation, version of the table and split.
+        solution_index: Solution that each was cut from (N,).
+        epoch_s: Time in its solution at which each begins (N,), s.
+        goal_time_s: Time in its solution of each one's goal (N,), s.
+    """
+
+    cut: Cut
+    solution_index: NDArray[np.int64]
+    epoch_s: NDArray[np.float64]
+    goal_time_s: NDArray[np.float64]
+
+
 def load_segments(
     home: Path,
     dataset: str | None = None,
@@ -31,7 +51,7 @@ def load_segments(
     split: Split | None = None,
     version: int | None = None,
     segmentation: str | None = None,
-) -> SegmentTensors:
+) -> Segments:
     """All segments at once, ordered by solution and epoch: each number is copied once.
 
     Args:
@@ -47,8 +67,16 @@ def load_segments(
     """
     space = Workspace.open(home, create=False)
     cut = _cut(space, dataset, split, version, segmentation)
-    arrays = segment_arrays(space.lake, cut, np.float32)
-    return SegmentTensors.sharing(arrays.x, arrays.tau)
+    found = segment_arrays(space.lake, cut, np.float32)
+    pairs = SegmentTensors.sharing(found.x, found.tau)
+    return Segments(
+        pairs.x,
+        pairs.tau,
+        cut=cut,
+        solution_index=found.solution_index,
+        epoch_s=found.epoch_s,
+        goal_time_s=found.goal_time_s,
+    )
 
 
 def stream_segments(

@@ -54,11 +54,17 @@ class SegmentArrays(Generic[Real]):
         x: Tasks (N, 35), _S.
         tau: Segments (N, 264), _S.
         held_out: Which are of the validation split (N,).
+        solution_index: Solution that each was cut from (N,).
+        epoch_s: Time in its solution at which each begins (N,), s.
+        goal_time_s: Time in its solution of each one's goal (N,), s.
     """
 
     x: NDArray[Real]
     tau: NDArray[Real]
     held_out: NDArray[np.bool_]
+    solution_index: NDArray[np.int64]
+    epoch_s: NDArray[np.float64]
+    goal_time_s: NDArray[np.float64]
 
 
 def segment_arrays(lake: Lake, cut: Cut, dtype: type[Real]) -> SegmentArrays[Real]:
@@ -84,7 +90,8 @@ def segment_arrays(lake: Lake, cut: Cut, dtype: type[Real]) -> SegmentArrays[Rea
             f"data set {cut.dataset_id!r} has no segments in version {cut.version} of the table; "
             "choose a later one with --at, or run `lmtr segment`"
         )
-    order = np.lexsort([keys[name].to_numpy() for name in reversed(ORDER)])
+    ordering = [keys[name].to_numpy() for name in ORDER]
+    order = np.lexsort(ordering[::-1])
     place = np.empty_like(order)
     place[order] = np.arange(len(order))
     x = np.empty((len(order), TASK_LAYOUT.size), dtype)
@@ -95,7 +102,7 @@ def segment_arrays(lake: Lake, cut: Cut, dtype: type[Real]) -> SegmentArrays[Rea
         x[rows], tau[rows] = some_x, some_tau
         done += len(some_x)
     held_out = pc.equal(keys["split"], "validation").to_numpy()[order]
-    return SegmentArrays(x, tau, held_out)
+    return SegmentArrays(x, tau, held_out, *(values[order] for values in ordering))
 
 
 def vector_batches(

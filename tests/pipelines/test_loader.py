@@ -28,6 +28,10 @@ def test_tensors_are_the_tables_rows_in_order(tiny_home, rows):
     for name, tensor in (("x", data.x), ("tau", data.tau)):
         expected = rows[name].combine_chunks().flatten().to_numpy().reshape(len(rows), -1)
         np.testing.assert_array_equal(tensor.numpy(), expected)
+    for name in ("solution_index", "epoch_s", "goal_time_s"):
+        np.testing.assert_array_equal(getattr(data, name), rows[name].to_numpy())
+    again = load_segments(tiny_home, data.cut.dataset_id, version=data.cut.version)
+    assert torch.equal(again.tau, data.tau)
     train, validation = (load_segments(tiny_home, split=s) for s in ("train", "validation"))
     splits = rows["split"].to_pylist()
     assert (len(train), len(validation)) == (splits.count("train"), splits.count("validation"))
