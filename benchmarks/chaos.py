@@ -32,7 +32,7 @@ from services.lake.tables import Lake
 
 WEIGHTS = {Role.WORKER: 5, Role.WRITER: 3, Role.DRIVER: 1, Role.RAYLET: 1}
 
-RHYTHM = ("cluster.batch_seconds=0.5", "cluster.commit_rows=50", "cluster.commit_seconds=1.0")
+RHYTHM = ("cluster.batch_seconds=0.5", "cluster.commit_items=50", "cluster.commit_seconds=1.0")
 """Many small commits, so that kills meet the writer at work."""
 
 STUCK_S = 300.0

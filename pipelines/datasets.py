@@ -76,19 +76,32 @@ def continued(
         workspace: The home.
         dataset_id: The data set.
         settings: Where the work runs; what it says of the data set is not looked at.
-        solutions: How many solutions it shall have; None for as many as were asked for at first.
+        solutions: How many solutions it shall have; None for as many as were asked for at first,
+            or as many as it has if it was extended.
 
     Raises:
         ConfigurationError: This version of LMTR would make other rows.
         DataError: There is no such data set.
     """
     recorded = configuration_of(workspace, resolve(workspace, dataset_id))
-    section = recorded.dataset
-    if solutions is not None:
-        section = section.model_copy(update={"solutions": solutions})
-    config = recorded.model_copy(update={"dataset": section, "cluster": settings.cluster})
+    count = solutions or max(recorded.dataset.solutions, _end(workspace, dataset_id))
+    config = asking(recorded, count).model_copy(update={"cluster": settings.cluster})
     require_same(config, workspace, dataset_id)
     return config
+
+
+def asking(config: Configuration, solutions: int) -> Configuration:
+    """The same data set with so many solutions."""
+    section = config.dataset.model_copy(update={"solutions": solutions})
+    return config.model_copy(update={"dataset": section})
+
+
+def _end(workspace: Workspace, dataset_id: str) -> int:
+    """One more than the greatest index of a data set's solutions."""
+    if not workspace.lake.exists("solutions"):
+        return 0
+    sql = f"SELECT max(index) + 1 FROM solutions WHERE dataset_id = '{dataset_id}'"
+    return int(workspace.lake.query_value(sql) or 0)
 
 
 def announce(config: Configuration, workspace: Workspace) -> None:

@@ -16,11 +16,11 @@ from lmtr.task.task import Task
 from lmtr.vectors.layout import SEGMENT_LAYOUT, TASK_LAYOUT
 from pipelines import records
 from pipelines.config import Configuration
-from pipelines.datasets import DECIDING, announce, require_same
+from pipelines.datasets import DECIDING, announce, asking, require_same
 from pipelines.expert import build_expert, told
 from pipelines.generation_log import generation_log
 from pipelines.generation_tally import GenerationTally
-from pipelines.production import Plan, produce
+from pipelines.production import Plan, lacking, produce
 from pipelines.progress import say
 from pipelines.provenance import code_version
 from pipelines.workspace import Workspace
@@ -98,7 +98,11 @@ def identity(dataset_id: str, index: int) -> records.Row:
 
 
 def generate(
-    config: Configuration, workspace: Workspace, make_expert: MakeExpert = build_expert
+    config: Configuration,
+    workspace: Workspace,
+    make_expert: MakeExpert = build_expert,
+    *,
+    again: str | None = None,
 ) -> str:
     """Solve what the data set still lacks; returns its id. Committed rows survive any stop.
 
@@ -106,6 +110,7 @@ def generate(
         config: Which data set, and how it is made.
         workspace: The home.
         make_expert: Makes what solves tasks in each worker; travels by pickle.
+        again: Solutions that ended with this status are dropped first, and solved once more.
 
     Raises:
         ConfigurationError: The data set is there, made with other settings.
@@ -114,8 +119,10 @@ def generate(
     dataset_id, lake = config.dataset_id, workspace.lake
     with workspace.home.lock(f"generate-{dataset_id}"):
         require_same(config, workspace)
-        present = _solved(workspace, dataset_id)
-        if present >= config.dataset.solutions:
+        if again is not None:
+            config = _without(config, workspace, again)
+        if not lacking(workspace, _group(dataset_id), range(config.dataset.solutions)):
+            present = _solved(workspace, dataset_id)
             say(f"generate: {dataset_id} has {present} solutions already, nothing to do")
             return dataset_id
         _prepare_expert(config, make_expert)
@@ -130,7 +137,8 @@ def generate(
             kept = _solved(workspace, dataset_id)
             say(
                 f"generate: {dataset_id}: stopped with {kept} of {config.dataset.solutions} "
-                "solutions; run the same command to go on"
+                f"solutions; go on with `lmtr generate --dataset {dataset_id} --solutions "
+                f"{config.dataset.solutions}`, or the same command"
             )
             raise
         lake.compact("solutions")
@@ -138,12 +146,13 @@ def generate(
     return dataset_id
 
 
-def drop(workspace: Workspace, dataset_id: str, status: str) -> None:
-    """Take solutions that ended with ``status`` out of a data set, to be solved once more."""
-    with workspace.home.lock(f"generate-{dataset_id}"):
-        where = f"dataset_id = '{dataset_id}' AND status = '{status}'"
-        count = workspace.lake.delete("solutions", where)
+def _without(config: Configuration, workspace: Workspace, status: str) -> Configuration:
+    """Take solutions that ended with ``status`` out; returns settings that ask for them again."""
+    before, _ = Appender(workspace.lake, _group(config.dataset_id)).present()
+    where = f"dataset_id = '{config.dataset_id}' AND status = '{status}'"
+    count = workspace.lake.delete("solutions", where)
     say(f"generate: {count} solutions that ended with {status!r} are solved once more")
+    return asking(config, max(config.dataset.solutions, before.end))
 
 
 def _solved(workspace: Workspace, dataset_id: str) -> int:

@@ -39,9 +39,9 @@ class LoggedTally:
         """Count one solution."""
         return self._tally.add(note)
 
-    def trouble(self, trouble: Trouble) -> None:
+    def trouble(self, trouble: Trouble) -> int:
         """Count what went wrong and was mended."""
-        self._tally.trouble(trouble)
+        return self._tally.trouble(trouble)
 
     def kept(self, receipt: Receipt) -> None:
         """Take note of a commit, and of all figures at that time."""

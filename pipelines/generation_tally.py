@@ -34,11 +34,7 @@ class GenerationTally:
 
     def add(self, note: Note) -> int:
         """Count one solution."""
-        self.solved += 1
-        self.accepted += note["accepted"]
-        self.solve_cpu_s += note["solve_cpu_s"] or 0.0
-        self.statuses[note["status"]] += 1
-        self.reasons.update(note["reasons"])
+        self._count(note, 1)
         now = time.monotonic()
         if now - self._recent[-1][0] > RATE_STEP_S:
             self._recent.append((now, self.solved))
@@ -46,14 +42,25 @@ class GenerationTally:
             self._recent.popleft()
         return 1
 
-    def trouble(self, trouble: Trouble) -> None:
-        """Count what went wrong and was mended."""
+    def trouble(self, trouble: Trouble) -> int:
+        """Count what went wrong and was mended; what was lost is counted when it is made again."""
         self.troubles[trouble.kind] += 1
+        for note in trouble.notes:
+            self._count(note, -1)
+        return len(trouble.notes)
 
     def kept(self, receipt: Receipt) -> None:
         """Take note of a commit."""
         self.committed += receipt.appended.rows
         self.doubled += receipt.appended.doubled
+
+    def _count(self, note: Note, times: int) -> None:
+        self.solved += times
+        self.accepted += times * note["accepted"]
+        self.solve_cpu_s += times * (note["solve_cpu_s"] or 0.0)
+        self.statuses[note["status"]] += times
+        for reason in note["reasons"]:
+            self.reasons[reason] += times
 
     @property
     def rate(self) -> float:
@@ -81,6 +88,8 @@ class GenerationTally:
         kinds = ", ".join(f"{count} {kind}" for kind, count in self.statuses.most_common())
         parts = [f"{self.solved} solved in {seconds:.0f} s ({kinds or 'none'})"]
         parts.append(f"{self.accepted_share:.0%} accepted")
+        if self.doubled:
+            parts.append(f"{self.doubled} of them in the table already, from another driver or try")
         parts += [f"mended: {count} {kind}" for kind, count in self.troubles.items()]
         return ", ".join(parts)
 
@@ -89,6 +98,7 @@ class GenerationTally:
         counts = {
             "solved": self.solved,
             "committed": self.committed,
+            "doubled": self.doubled,
             "accepted_share": self.accepted_share,
             "rate_per_s": self.rate,
             "solve_cpu_s": self.solve_cpu_s,

@@ -23,7 +23,7 @@ from services.lake.sink import Receipt, TableSink
 T = TypeVar("T")
 
 RESTARTS = 3
-"""How often a cluster that was lost is started or joined again."""
+"""How often in a row, without a commit between, a lost cluster is started or joined again."""
 
 
 class Tally(Protocol):
@@ -33,8 +33,8 @@ class Tally(Protocol):
         """Count one item; returns how many steps of the progress bar it is."""
         ...
 
-    def trouble(self, trouble: Trouble) -> None:
-        """Count what went wrong and was mended."""
+    def trouble(self, trouble: Trouble) -> int:
+        """Count what went wrong and was mended; returns how many steps are to be made again."""
         ...
 
     def kept(self, receipt: Receipt) -> None:
@@ -62,6 +62,7 @@ class Plan(Generic[T]):
         make_worker: Makes a worker; travels by pickle.
         failed: Payload and note of an item that no worker could make anything of.
         few: So few keys are made in this process, sooner than workers are started.
+        item_keys: How many keys an item stands for.
     """
 
     title: str
@@ -71,6 +72,7 @@ class Plan(Generic[T]):
     make_worker: Callable[[], Maker[T]]
     failed: Callable[[T, str], tuple[object, Note]]
     few: int = 0
+    item_keys: int = 1
 
 
 class Missing:
@@ -99,24 +101,30 @@ def produce(workspace: Workspace, plan: Plan[T], tally: Tally) -> bool:
     Raises:
         ServiceError: The cluster or the table does not work.
     """
+    losses, before = 0, -1
     with stop_on_signals() as stop:
-        for attempt in range(RESTARTS + 1):
-            appender = Appender(workspace.lake, plan.group)
-            present, number = appender.present()
+        while True:
+            present, number = Appender(workspace.lake, plan.group).present()
             missing = Missing(present.missing(plan.keys))
             if not missing:
                 return True
+            losses = losses + 1 if len(present) == before else 0
+            before = len(present)
             sink = functools.partial(TableSink, workspace.lake.storage, plan.group, number)
             try:
                 _work(workspace, plan, tally, sink, missing, stop)
             except ClusterLostError:
-                if attempt == RESTARTS:
+                if losses == RESTARTS:
                     raise
                 say("the cluster was lost; starting it again with what is missing")
-                tally.trouble(Trouble("cluster_lost"))
                 continue
-            return not stop()
-    return False
+            return not stop() or not lacking(workspace, plan.group, plan.keys)
+
+
+def lacking(workspace: Workspace, group: Group, keys: Iterable[int]) -> bool:
+    """Whether any of the keys is not in the table."""
+    present, _ = Appender(workspace.lake, group).present()
+    return any(True for _ in present.missing(keys))
 
 
 def _work(
@@ -134,7 +142,7 @@ def _work(
             make_worker=plan.make_worker,
             make_sink=sink,
             items=plan.items(iter(missing)),
-            total=total,
+            total=-(-total // plan.item_keys),
             failed=plan.failed,
             rhythm=workspace.cluster_settings.rhythm,
             describe=tally.figures,
@@ -152,4 +160,4 @@ def _heed(event: Event, tally: Tally, progress: Bar) -> None:
     elif isinstance(event, Kept):
         tally.kept(event.receipt)
     else:
-        tally.trouble(event)
+        progress.advance(-tally.trouble(event), tally.words())

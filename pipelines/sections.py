@@ -134,9 +134,11 @@ class ClusterSection(Settings):
         address: Address of a running Ray cluster; none starts one on this machine.
         workers: Worker processes; none means one per core.
         batch_seconds: Work that a worker is handed at once takes about so long (s).
-        commit_rows: So many rows are committed to the lake together, more while it is busy.
+        commit_items: So many solutions, or groups of ten that are cut, are committed to the lake
+            together, more while it is busy.
         commit_seconds: Rows are committed at least this often (s): what a power cut may cost.
-        uncommitted_mb: Workers pause while so much waits to be committed (MB).
+        uncommitted_mb: Workers pause while so much waits to be committed, and half of it is
+            committed (MB).
         cache: Absolute folder of compiled experts on every host, writable by its user alone; none
             takes ``LMTR_CACHE`` or the user's own folder of caches.
     """
@@ -144,7 +146,7 @@ class ClusterSection(Settings):
     address: str | None = None
     workers: Annotated[int, Field(ge=0)] | None = None
     batch_seconds: Annotated[float, Field(gt=0.0, le=600.0)] = 2.0
-    commit_rows: Count = 500
+    commit_items: Count = 500
     commit_seconds: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] = 10.0
     uncommitted_mb: Annotated[float, Field(gt=0.0, le=10_000.0)] = 64.0
     cache: Path | None = None
@@ -154,7 +156,7 @@ class ClusterSection(Settings):
         """Sizes of batches and commits."""
         return Rhythm(
             self.batch_seconds,
-            self.commit_rows,
+            self.commit_items,
             self.commit_seconds,
             int(self.uncommitted_mb * 1e6),
         )

@@ -92,9 +92,13 @@ class CutTally:
         self.segments += note["segments"]
         return int(note["solutions"])
 
-    def trouble(self, trouble: Trouble) -> None:
-        """Count what went wrong and was mended."""
+    def trouble(self, trouble: Trouble) -> int:
+        """Count what went wrong and was mended; what was lost is counted when it is made again."""
         self.troubles[trouble.kind] += 1
+        again = sum(note["solutions"] for note in trouble.notes)
+        self.solutions -= again
+        self.segments -= sum(note["segments"] for note in trouble.notes)
+        return int(again)
 
     def kept(self, receipt: Receipt) -> None:
         """Nothing more is counted of a commit."""
@@ -162,6 +166,7 @@ def _plan(config: Configuration, workspace: Workspace, dataset_id: str) -> Plan[
         ),
         failed=_refuse,
         few=FEW_SOLUTIONS,
+        item_keys=ITEM_SOLUTIONS,
     )
 
 

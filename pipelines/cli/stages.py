@@ -89,7 +89,6 @@ def generate(
     With more `--solutions` it solves the rest only. Changed settings make another data set.
     """
     from pipelines.datasets import continued, require_same
-    from pipelines.generate import drop
     from pipelines.generate import generate as make
 
     settings = options.configuration(
@@ -104,9 +103,7 @@ def generate(
         if config or overrides or seed is not None:
             require_same(settings, space, dataset)
         settings = continued(space, dataset, settings, solutions=solutions)
-    if again is not None:
-        drop(space, settings.dataset_id, str(again))
-    typer.echo(make(settings, space))
+    typer.echo(make(settings, space, again=None if again is None else str(again)))
 
 
 def segment(

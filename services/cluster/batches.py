@@ -43,14 +43,13 @@ class BatchReply:
 
 
 class BatchRunner(Generic[T]):
-    """Holds one worker, made when the first batch comes, and runs batches.
+    """Holds one worker and runs batches.
 
-    A worker that cannot be made fails each item with its reason.
+    A worker that cannot be made is no item's fault: what it raises goes to the caller.
     """
 
     def __init__(self, make_worker: Callable[[], Maker[T]]) -> None:
-        self._make_worker = make_worker
-        self._maker: Maker[T] | None = None
+        self._maker = make_worker()
 
     def run(self, items: Sequence[T]) -> tuple[BatchReply, Payload]:
         """Work on the items one by one; what throws costs its item alone."""
@@ -61,22 +60,36 @@ class BatchRunner(Generic[T]):
         errors: list[tuple[int, str]] = []
         for position, item in enumerate(items):
             try:
-                product, note = self._made()(item)
+                product, note = self._maker(item)
             except Exception as error:
                 errors.append((position, described(error)))
                 continue
             products.append(product)
             notes.append(note)
             made.append(position)
-        payload = self._made().pack(products) if products else None
-        seconds = time.monotonic() - began
-        nbytes = int(getattr(payload, "nbytes", 0))
-        return BatchReply(tuple(notes), tuple(made), tuple(errors), seconds, nbytes), payload
+        payload, unfit = self._packed(products)
+        errors += [(made[place], error) for place, error in unfit.items()]
+        fit = [place for place in range(len(products)) if place not in unfit]
+        reply = BatchReply(
+            notes=tuple(notes[place] for place in fit),
+            made=tuple(made[place] for place in fit),
+            errors=tuple(errors),
+            seconds=time.monotonic() - began,
+            nbytes=int(getattr(payload, "nbytes", 0)),
+        )
+        return reply, payload
 
-    def _made(self) -> Maker[T]:
-        if self._maker is None:
-            self._maker = self._make_worker()
-        return self._maker
+    def _packed(self, products: Sequence[Any]) -> tuple[Payload, dict[int, str]]:
+        """Products as a payload, and why which of them cannot be in it."""
+        try:
+            return (self._maker.pack(products) if products else None), {}
+        except Exception as error:
+            if len(products) == 1:
+                return None, {0: described(error)}
+        alone = [self._packed([product])[1].get(0) for product in products]
+        unfit = {place: error for place, error in enumerate(alone) if error is not None}
+        fit = [product for place, product in enumerate(products) if place not in unfit]
+        return (self._maker.pack(fit) if fit else None), unfit
 
 
 class LogCatcher(logging.Handler):
@@ -141,11 +154,13 @@ class Parcel(Generic[T]):
         payload: What is to be kept, or where it lies.
         items: The items that it was made of.
         nbytes: Its size.
+        notes: What the driver was told of the items.
     """
 
     payload: Any
     items: tuple[T, ...]
     nbytes: int
+    notes: tuple[Note, ...] = ()
 
 
 class Waiting(Generic[T]):
@@ -167,11 +182,12 @@ class Waiting(Generic[T]):
         self.nbytes += parcel.nbytes
 
     def due(self) -> bool:
-        """Whether they are many or old enough for a commit."""
+        """Whether they are many, large or old enough for a commit."""
         if not self._parcels:
             return False
         old = time.monotonic() - self._since >= self._rhythm.commit_seconds
-        return old or self.items >= self._rhythm.commit_rows
+        many = self.items >= self._rhythm.commit_items
+        return old or many or self.nbytes >= self._rhythm.commit_bytes
 
     def take(self) -> list[Parcel[T]]:
         """All of them; none waits any more."""

@@ -19,7 +19,11 @@ from services.cluster.worker import SINGLE_THREADED, described
 from services.errors import ClusterError, ClusterLostError
 
 FAILED_STARTS = 5
-"""So many workers in a row that die before they answer mean that none can be started."""
+"""So many workers in a row that do not come to answer mean that none can be started, where none
+works; a larger crew must fail as often as it has workers."""
+
+NEXT_START_S = 30.0
+"""Pause before a place is filled again after so many failed starts (s)."""
 
 PATIENCE_S = 30.0
 """After so long without any worker, say so."""
@@ -44,6 +48,7 @@ class Crew:
         self._shared: ray.ObjectRef | None = None
         self._actors: list[ActorHandle] = []
         self._failed_starts = 0
+        self._due: list[float] = []
         self._starting: dict[ray.ObjectRef, ActorHandle] = {}
         self._quiet_since = time.monotonic()
         self._told_at = self._quiet_since
@@ -82,8 +87,13 @@ class Crew:
         Raises:
             ClusterLostError: This host does not belong to a running cluster any more.
         """
+        self._hire_due()
         pending = [*self.busy, *self._starting, *others]
-        done, _ = ray.wait(pending, num_returns=1, timeout=timeout)
+        if not pending:
+            time.sleep(timeout)
+            done = []
+        else:
+            done, _ = ray.wait(pending, num_returns=1, timeout=timeout)
         if done:
             done, _ = ray.wait(pending, num_returns=len(pending), timeout=0)
         if done or self.busy or self.idle:
@@ -133,17 +143,41 @@ class Crew:
         actor = self._starting.pop(reference)
         try:
             ray.get(reference)
-        except RayTaskError as error:
-            raise _useless(error.cause) from error
         except RayError as error:
-            self._failed_starts += 1
-            if self._failed_starts == FAILED_STARTS:
-                raise _useless(error) from error
             self._dismiss(actor)
-            self._hire()
+            self._mourn(error.cause if isinstance(error, RayTaskError) else error)
         else:
             self._failed_starts = 0
             self.idle.append(actor)
+
+    def _mourn(self, error: BaseException) -> None:
+        """A worker did not come to answer: fill its place at once, or later, or give up.
+
+        A host on which none can start does not end the work of the others, and does not get a new
+        process every second either.
+        """
+        self._failed_starts += 1
+        if self._failed_starts < FAILED_STARTS:
+            self._hire()
+            return
+        none = not (self.idle or self.busy or self._starting)
+        if none and self._failed_starts >= max(FAILED_STARTS, self._size):
+            raise _useless(error) from error
+        if self._failed_starts == FAILED_STARTS:
+            logger.warning(
+                "cluster: %d workers in a row did not start, trying on every %.0f s: %s",
+                FAILED_STARTS,
+                NEXT_START_S,
+                described(error),
+            )
+        self._due.append(time.monotonic() + NEXT_START_S)
+
+    def _hire_due(self) -> None:
+        now = time.monotonic()
+        ready = [due for due in self._due if due <= now]
+        self._due = [due for due in self._due if due > now]
+        for _ in ready:
+            self._hire()
 
     def _mind_the_quiet(self) -> None:
         now = time.monotonic()

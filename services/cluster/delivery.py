@@ -42,15 +42,20 @@ class Rhythm:
 
     Attributes:
         batch_seconds: Time that a batch of items shall take a worker (s).
-        commit_rows: So many items are committed together, or more while a commit is under way.
+        commit_items: So many items are committed together, or more while a commit is under way.
         commit_seconds: What is made is committed at least this often (s).
         uncommitted_bytes: Workers pause while so much waits for the writer.
     """
 
     batch_seconds: float = 2.0
-    commit_rows: int = 500
+    commit_items: int = 500
     commit_seconds: float = 10.0
     uncommitted_bytes: int = 64_000_000
+
+    @property
+    def commit_bytes(self) -> int:
+        """Half of what may wait is committed: workers fill the other half meanwhile."""
+        return self.uncommitted_bytes // 2
 
 
 @dataclass(frozen=True)
@@ -101,10 +106,12 @@ class Trouble:
     Attributes:
         kind: One word, such as ``worker_died``.
         items: How many items are done again for it.
+        notes: Those of items that were told as made, and are to be made again.
     """
 
     kind: str
     items: int = 0
+    notes: Sequence[Note] = ()
 
 
 Event = Made | Kept | Trouble

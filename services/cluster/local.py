@@ -56,7 +56,7 @@ class LocalCluster(Cluster):
                 note = reply.notes[0] if reply.notes else None
                 if note is None:
                     payload, note = order.failed(item, reply.errors[0][1])
-                waiting.add(Parcel(payload, (item,), reply.nbytes))
+                waiting.add(Parcel(payload, (item,), reply.nbytes, (note,)))
                 yield Made([note])
                 if waiting.due():
                     yield kept()

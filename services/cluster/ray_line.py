@@ -9,7 +9,7 @@ the first to finish counts.
 import logging
 import time
 from collections import deque
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 from typing import Any, Generic, TypeVar
@@ -42,11 +42,11 @@ DRAIN_S = 60.0
 
 @dataclass(frozen=True)
 class _Task(Generic[T]):
-    """One item, by number, with the count of workers that have died over it."""
+    """One item, by number, and how often nothing came of it."""
 
     number: int
     item: T
-    deaths: int = 0
+    failures: int = 0
 
 
 @dataclass
@@ -102,22 +102,28 @@ class RayLine(Generic[T]):
     def events(self) -> Generator[Event, None, None]:
         """See :meth:`services.cluster.Cluster.deliver`."""
         try:
-            self._writer.start()
-            self._crew.start(self._order.make_worker)
-            while True:
-                self._require_health()
-                self._heed_stop()
-                yield from self._assign()
-                if self._waiting.due() or self._winding_up():
-                    self._writer.send(self._waiting, self._order.describe)
-                if self._finished():
-                    return
-                for reference in self._crew.wait(self._writer.pending(), POLL_S):
-                    yield from self._settle(reference)
+            yield from self._run()
+        except ClusterLostError:
+            yield _lost("cluster_lost", [*self._waiting.take(), *self._writer.parcels])
+            raise
         finally:
             self._crew.close()
             self._writer.close()
             self._log.close()
+
+    def _run(self) -> Iterator[Event]:
+        self._writer.start()
+        self._crew.start(self._order.make_worker)
+        while True:
+            self._require_health()
+            self._heed_stop()
+            yield from self._assign()
+            if self._waiting.due() or self._winding_up():
+                self._writer.send(self._waiting, self._order.describe)
+            if self._finished():
+                return
+            for reference in self._crew.wait(self._writer.pending(), POLL_S):
+                yield from self._settle(reference)
 
     def _require_health(self) -> None:
         if not self._healthy():
@@ -191,11 +197,12 @@ class RayLine(Generic[T]):
         try:
             reply: BatchReply = ray.get(reference)
         except RayTaskError as error:
-            # The batch cannot be packed or sent back.
-            yield from self._fail(batch.tasks, f"cannot be sent back: {described(error.cause)}")
+            # One item may be to blame, or a store that is full just now.
+            why = f"cannot be sent back: {described(error.cause)}"
+            yield from self._again_or_fail(batch.tasks, "not_sent_back", why)
         except RayError as error:
             self._sizer.forget(batch.actor)
-            yield from self._again_or_fail(batch.tasks, described(error))
+            yield from self._again_or_fail(batch.tasks, "worker_died", described(error))
         else:
             self._log.tell(reply.logs)
             self._sizer.learn(batch.actor, len(batch.tasks), reply.seconds)
@@ -203,27 +210,35 @@ class RayLine(Generic[T]):
 
     def _made(self, batch: _Batch[T], reply: BatchReply) -> Iterator[Event]:
         made = [batch.tasks[position] for position in reply.made]
-        new = [task.number in self._open for task in made]
-        if any(new):
-            self._waiting.add(Parcel(batch.payload, tuple(made), reply.nbytes))
+        new = [task for task in made if task.number in self._open]
+        if made and len(new) == len(made):
+            self._waiting.add(Parcel(batch.payload, tuple(made), reply.nbytes, reply.notes))
             for task in made:
-                self._open.pop(task.number, None)
-            notes = zip(reply.notes, new, strict=True)
-            yield Made([note for note, is_new in notes if is_new])
+                del self._open[task.number]
+            yield Made(reply.notes)
+        else:
+            # A payload cannot be split, and no commit may hold the same product twice.
+            self._again.extend(new)
         for position, error in reply.errors:
             yield from self._fail((batch.tasks[position],), error)
 
-    def _again_or_fail(self, tasks: tuple[_Task[T], ...], error: str) -> Iterator[Event]:
-        """A worker died over these tasks."""
-        held = {t.number for batch in self._running.values() for t in batch.tasks}
+    def _again_or_fail(self, tasks: tuple[_Task[T], ...], kind: str, error: str) -> Iterator[Event]:
+        """Nothing came of these tasks: each is tried again alone, a few times."""
+        numbers, held = {task.number for task in tasks}, set[int]()
+        for batch in self._running.values():
+            theirs = {task.number for task in batch.tasks}
+            held |= theirs
+            if theirs & numbers:
+                batch.repeated = False  # its copy is gone, and it may hang for good
         lost = [t for t in tasks if t.number in self._open and t.number not in held]
-        yield Trouble("worker_died", len(lost))
+        yield Trouble(kind, len(lost))
         for task in lost:
-            after = _Task(task.number, task.item, task.deaths + 1)
-            if after.deaths <= RETRIES:
+            after = _Task(task.number, task.item, task.failures + 1)
+            if after.failures <= RETRIES:
                 self._again.append(after)
             else:
-                said = f"worker died {after.deaths} times over it, last: {error}"
+                what = kind.replace("_", " ")
+                said = f"{what} {after.failures} times over it, last: {error}"
                 yield from self._fail((task,), said)
 
     def _fail(self, tasks: tuple[_Task[T], ...], error: str) -> Iterator[Event]:
@@ -232,7 +247,7 @@ class RayLine(Generic[T]):
                 continue
             payload, note = self._order.failed(task.item, error)
             nbytes = int(getattr(payload, "nbytes", 0))
-            self._waiting.add(Parcel(ray.put(payload), (task,), nbytes))
+            self._waiting.add(Parcel(ray.put(payload), (task,), nbytes, (note,)))
             yield Made([note])
 
     def _kept(self, reference: ray.ObjectRef) -> Iterator[Event]:
@@ -245,7 +260,7 @@ class RayLine(Generic[T]):
             for task in parcel.items:
                 self._open[task.number] = task
                 self._again.append(task)
-            yield Trouble("host_lost", len(parcel.items))
+            yield _lost("host_lost", [parcel])
         if answer.receipt is not None:
             yield Kept(answer.items, answer.receipt)
 
@@ -258,3 +273,9 @@ class RayLine(Generic[T]):
 
     def _finished(self) -> bool:
         return self._winding_up() and not self._waiting.items and not self._writer.busy
+
+
+def _lost(kind: str, parcels: Sequence[Parcel[Any]]) -> Trouble:
+    """Products that were made and are not there any more."""
+    items = sum(len(parcel.items) for parcel in parcels)
+    return Trouble(kind, items, [note for parcel in parcels for note in parcel.notes])

@@ -64,12 +64,16 @@ class Answer:
 
 
 class WriterSeat:
-    """The writer as the driver sees it: one commit at a time, sent again if the writer dies."""
+    """The writer as the driver sees it: one commit at a time, sent again if the writer dies.
+
+    Attributes:
+        parcels: Those of the commit under way.
+    """
 
     def __init__(self, make_sink: Callable[[], Sink]) -> None:
         self._make_sink = make_sink
         self._actor: ActorHandle | None = None
-        self._parcels: list[Parcel[Any]] = []
+        self.parcels: list[Parcel[Any]] = []
         self._metadata: Mapping[str, str] = {}
         self._reference: ray.ObjectRef | None = None
         self._deaths = 0
@@ -82,7 +86,7 @@ class WriterSeat:
     @property
     def nbytes(self) -> int:
         """Bytes under way."""
-        return sum(parcel.nbytes for parcel in self._parcels)
+        return sum(parcel.nbytes for parcel in self.parcels)
 
     def pending(self) -> tuple[ray.ObjectRef, ...]:
         """Reference of the commit under way."""
@@ -112,7 +116,7 @@ class WriterSeat:
         """Begin a commit of all that waits, unless one is under way or nothing waits."""
         if self.busy or not waiting.items:
             return
-        self._parcels, self._metadata = waiting.take(), describe()
+        self.parcels, self._metadata = waiting.take(), describe()
         self._send()
 
     def settle(self, reference: ray.ObjectRef) -> Answer | None:
@@ -142,12 +146,12 @@ class WriterSeat:
             self.start()
             self._send()
             return None
-        parcels, self._parcels, self._reference, self._deaths = self._parcels, [], None, 0
+        parcels, self.parcels, self._reference, self._deaths = self.parcels, [], None, 0
         gone = [parcels[position] for position in lost]
         items = sum(len(parcel.items) for parcel in parcels)
         return Answer(receipt, items - sum(len(parcel.items) for parcel in gone), gone)
 
     def _send(self) -> None:
         assert self._actor is not None, "commits come after the start"
-        payloads = [parcel.payload for parcel in self._parcels]
+        payloads = [parcel.payload for parcel in self.parcels]
         self._reference = self._actor.commit.remote(self._make_sink, payloads, self._metadata)

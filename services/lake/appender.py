@@ -115,6 +115,11 @@ class Keys:
         """Those that are not in, in their order."""
         return (key for key in keys if key >= len(self._has) or not self._has[key])
 
+    @property
+    def end(self) -> int:
+        """One more than the greatest; zero if there is none."""
+        return int(np.flatnonzero(self._has)[-1]) + 1 if self._has.any() else 0
+
     def __len__(self) -> int:
         return int(self._has.sum())
 

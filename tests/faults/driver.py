@@ -42,7 +42,7 @@ obstacle_count = [1, 1]
 
 [cluster]
 batch_seconds = 0.2
-commit_rows = 4
+commit_items = 4
 commit_seconds = 0.5
 """
 """Short walks, solved in a tenth of a second, and many small commits."""

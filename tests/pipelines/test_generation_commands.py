@@ -30,7 +30,7 @@ obstacle_count = [1, 1]
 
 [cluster]
 workers = 0
-commit_rows = 2
+commit_items = 2
 """
 
 
@@ -120,8 +120,31 @@ def test_what_failed_for_the_machine_is_solved_once_more_on_request(
     assert rows["status"].to_pylist() == ["converged"] * 3
 
 
+def test_an_extended_data_set_gets_back_what_it_lacks(lmtr, home, config, monkeypatch):
+    _, made, _ = lmtr("generate", "-c", config, "--home", home)
+    go_on = ("generate", "-d", made.strip(), "-w", 0, "--home", home)
+
+    def unlucky(self, index):
+        raise MemoryError("none left")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(stage.SolveWorker, "__call__", unlucky)
+        lmtr(*go_on, "-n", 5)
+    lake = Lake(Home.open(home, create=False).lake)
+    lake.delete("solutions", "index = 1")
+    lmtr(*go_on, "-n", 2)
+    assert solutions(home)["index"].to_pylist() == [0, 1, 2, 3, 4]
+    lake.delete("solutions", "index = 1")
+    status, _, err = lmtr(*go_on, "--again", "error")
+    assert status == 0
+    assert "2 solutions that ended with 'error' are solved once more" in err
+    rows = solutions(home)
+    assert rows["index"].to_pylist() == [0, 1, 2, 3, 4]
+    assert rows["status"].to_pylist() == ["converged"] * 5
+
+
 def test_rows_that_somebody_else_commits_meanwhile_are_not_solved_again(home, config, monkeypatch):
-    settings = load(str(config), ["cluster.commit_rows=1"])
+    settings = load(str(config), ["cluster.commit_items=1"])
     other = home.with_name("other")
     stage.generate(settings, stage.Workspace.open(other, settings.cluster, create=True))
     theirs = solutions(other)

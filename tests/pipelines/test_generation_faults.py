@@ -65,7 +65,7 @@ def test_a_stopped_driver_is_continued_without_a_lost_or_doubled_row(
     tiny_config, tmp_path, undisturbed, fault
 ):
     home = tmp_path / "home"
-    options = ("--solutions", COUNT, "--workers", 2, "--set", "cluster.commit_rows=2")
+    options = ("--solutions", COUNT, "--workers", 2, "--set", "cluster.commit_items=2")
     driver = generate(tiny_config, home, *options, log=True)
     while not committed(home):
         assert driver.poll() is None, "the driver ended before it committed anything"

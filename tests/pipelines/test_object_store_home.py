@@ -120,7 +120,7 @@ def test_workers_of_a_cluster_fill_a_real_store(lmtr, radosgw, reach, prefix, co
     done(
         lmtr(
             *("--home", place, "generate", "-c", config, "--workers", "2"),
-            *("--solutions", "8", "--set", "cluster.commit_rows=2"),
+            *("--solutions", "8", "--set", "cluster.commit_items=2"),
         )
     )
     asked = 'SELECT "index" AS i FROM solutions ORDER BY ALL'

@@ -13,7 +13,7 @@ import pytest
 from services.cluster import Cluster
 from services.cluster.batches import Sizer
 from services.cluster.delivery import Kept, Made, Order, Rhythm, Trouble
-from services.errors import LakeError
+from services.errors import ClusterError, LakeError
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +81,7 @@ def order(path, items, make_worker=None, **changes):
         items=items,
         total=len(items),
         failed=lambda item, error: ([b"-1"], {"item": item, "error": error}),
-        rhythm=changes.pop("rhythm", Rhythm(batch_seconds=0.05, commit_rows=4, commit_seconds=0.3)),
+        rhythm=changes.pop("rhythm", Rhythm(0.05, commit_items=4, commit_seconds=0.3)),
         **changes,
     )
 
@@ -251,7 +251,7 @@ def test_workers_pause_while_the_writer_is_behind(two, tmp_path):
     def slow(payloads):
         time.sleep(1.5)
 
-    rhythm = Rhythm(batch_seconds=1e-6, commit_rows=1, commit_seconds=0.1, uncommitted_bytes=3000)
+    rhythm = Rhythm(batch_seconds=1e-6, commit_items=1, commit_seconds=0.1, uncommitted_bytes=3000)
     path = tmp_path / "kept"
     changes = {"make_sink": file_sink(path, slow), "rhythm": rhythm}
     stream = two.deliver(order(path, range(30), make, **changes))
@@ -261,6 +261,76 @@ def test_workers_pause_while_the_writer_is_behind(two, tmp_path):
     # What the first commit held, and at most what may wait, with one more under way at each worker.
     assert len(list(started.iterdir())) <= 8
     stream.close()
+
+
+def test_what_fills_the_room_for_waiting_is_committed_at_once(cluster, tmp_path):
+    def make():
+        class Large:
+            def __call__(self, item):
+                return item, {"item": item}
+
+            @staticmethod
+            def pack(products):
+                class Payload(list):
+                    nbytes = 1000 * len(products)
+
+                return Payload(bytes(str(product), "ascii") for product in products)
+
+        return Large()
+
+    rhythm = Rhythm(0.05, commit_items=10**6, commit_seconds=3600.0, uncommitted_bytes=4000)
+    path = tmp_path / "kept"
+    list(cluster.deliver(order(path, range(30), make, rhythm=rhythm)))
+    assert kept(path) == dict.fromkeys(range(30), 1)
+
+
+def test_a_product_that_cannot_be_packed_fails_alone(cluster, tmp_path):
+    def make():
+        class Choosy:
+            def __call__(self, item):
+                return item, {"item": item}
+
+            @staticmethod
+            def pack(products):
+                if 37 in products:
+                    raise OverflowError("37 is too large")
+                return [bytes(str(product), "ascii") for product in products]
+
+        return Choosy()
+
+    path = tmp_path / "kept"
+    events = list(cluster.deliver(order(path, range(100), make)))
+    assert kept(path) == dict.fromkeys([-1, *(set(range(100)) - {37})], 1)
+    assert [note for note in notes(events) if "error" in note] == [
+        {"item": 37, "error": "OverflowError: 37 is too large"}
+    ]
+
+
+def test_a_process_in_which_no_worker_can_be_made_costs_no_item(two, tmp_path):
+    flag = tmp_path / "sick"
+
+    def make():
+        import contextlib
+        import os
+
+        with contextlib.suppress(FileExistsError), open(flag, "x") as file:
+            file.write(str(os.getpid()))
+        if flag.read_text() == str(os.getpid()):
+            raise ImportError("no space left on device")
+        return worker(lambda item: item)()
+
+    path = tmp_path / "kept"
+    events = list(two.deliver(order(path, range(200), make)))
+    assert kept(path) == dict.fromkeys(range(200), 1)
+    assert not [note for note in notes(events) if "error" in note]
+
+
+def test_a_worker_that_nowhere_can_be_made_is_an_error_with_its_reason(two, tmp_path):
+    def make():
+        raise ImportError("no space left on device")
+
+    with pytest.raises(ClusterError, match="no worker can be started: ImportError: no space left"):
+        list(two.deliver(order(tmp_path / "kept", range(20), make)))
 
 
 def test_warnings_of_workers_come_once_and_then_by_count(two, tmp_path, caplog):
