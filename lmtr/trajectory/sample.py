@@ -110,7 +110,7 @@ def sample_base(trajectory: Trajectory, times: Array) -> BaseSamples:
     local = (times - trajectory.base_start[..., None]) / BASE_STEP
     # An epoch on a knot belongs to the polynomial that begins there, despite rounding.
     index = np.clip(np.floor(local + 1e-9).astype(np.intp), 0, nodes.shape[-1] - 2)
-    return BaseSamples(local - index, _looked_up(_cubics(nodes, BASE_STEP), index))
+    return BaseSamples(local - index, _cubics(nodes[..., :-1], nodes[..., 1:], BASE_STEP, index))
 
 
 def sample_feet(trajectory: Trajectory, times: Array) -> FootSamples:
@@ -135,9 +135,13 @@ def sample_each_foot(trajectory: Trajectory, times: Array) -> FootSamples:
     local = FORCE_PIECES * np.clip(since / duration, 0.0, 1.0)
     second = local >= 1.0
     u = local - second
-    halves = _cubics(_foot_nodes(trajectory), durations[..., None] / FORCE_PIECES)
-    in_a_row = halves.reshape((*halves.shape[:-2], -1))  # halves of all phases of a foot
-    cubics = _looked_up(in_a_row, FORCE_PIECES * phase + second)
+    nodes = _foot_nodes(trajectory)
+    # Halves of all phases of a foot in a row.
+    first, last = (
+        ends.reshape((*ends.shape[:-2], -1)) for ends in (nodes[..., :-1], nodes[..., 1:])
+    )
+    each = np.repeat(durations / FORCE_PIECES, FORCE_PIECES, axis=-1)
+    cubics = _cubics(first, last, each, FORCE_PIECES * phase + second)
     value = _by_time(hermite.cubic_value(u, cubics))
     velocity = hermite.cubic_slope(u, cubics[:, _PLACE], duration / FORCE_PIECES)
     return FootSamples(
@@ -169,10 +173,26 @@ def _foot_nodes(trajectory: Trajectory) -> Array:
     return nodes
 
 
-def _cubics(nodes: Array, duration: Array | float) -> Array:
-    """Coefficients (4, C, ..., K − 1) of the cubics between nodes (2, C, ..., K), in local time."""
-    first, last = nodes[..., :-1], nodes[..., 1:]
-    return np.stack(hermite.cubic(first[VALUE], first[RATE], last[VALUE], last[RATE], duration))
+def _cubics(first: Array, last: Array, duration: Array | float, index: Indices) -> Array:
+    """Coefficients (4, C, ..., M) of cubics in local time.
+
+    Args:
+        first: Nodes at which the cubics begin, (2, C, ..., K).
+        last: Nodes at which they end, (2, C, ..., K).
+        duration: Their durations (..., K) in s, or one for all.
+        index: Which cubics, (..., M).
+    """
+    many = index.shape[-1] >= first.shape[-1]
+    if not many:  # only the cubics that are needed
+        first, last = _looked_up(first, index), _looked_up(last, index)
+        duration = _looked_up(duration, index) if isinstance(duration, np.ndarray) else duration
+    found = np.stack(hermite.cubic(first[VALUE], first[RATE], last[VALUE], last[RATE], duration))
+    return _looked_up(found, index) if many else found
+
+
+def _in_a_row(array: Array) -> Array:
+    """The last two axes as one."""
+    return array.reshape((*array.shape[:-2], -1))
 
 
 def _looked_up(table: Array, index: Indices) -> Array:
