@@ -25,6 +25,7 @@ from pipelines.progress import bar, say
 from pipelines.provenance import code_version
 from pipelines.registry import Registered, load, models
 from pipelines.sections import EvaluationSection
+from pipelines.turns import beside_others
 from pipelines.workspace import Workspace
 
 EXPERIMENT = "evaluation"
@@ -136,7 +137,8 @@ def evaluate(
     done = set(workspace.lake.values("evaluations", "evaluation_id"))
     missing = [trial for trial in wanted if trial.evaluation_id not in done]
     if missing:
-        _evaluate_missing(config, workspace, data, missing)
+        with beside_others(workspace.home, "evaluate", shared=True):
+            _evaluate_missing(config, workspace, data, missing)
     else:
         say(f"evaluate: all {len(wanted)} replanners are evaluated already")
     return [trial.evaluation_id for trial in wanted]

@@ -23,6 +23,7 @@ from pipelines.generation_tally import GenerationTally
 from pipelines.production import Plan, produce
 from pipelines.progress import say
 from pipelines.provenance import code_version
+from pipelines.turns import beside_others
 from pipelines.workspace import Workspace
 from services.cache import machine_cache
 from services.cluster.delivery import Note
@@ -109,10 +110,11 @@ def generate(
 
     Raises:
         ConfigurationError: The data set is there, made with other settings.
+        HomeError: Another process makes the same data set, or a repair is at work.
         KeyboardInterrupt: The user stopped it; what was solved is kept.
     """
     dataset_id, lake = config.dataset_id, workspace.lake
-    with workspace.home.lock(f"generate-{dataset_id}"):
+    with beside_others(workspace.home, f"generate-{dataset_id}"):
         require_same(config, workspace)
         present = _solved(workspace, dataset_id)
         if present >= config.dataset.solutions:
@@ -140,7 +142,7 @@ def generate(
 
 def drop(workspace: Workspace, dataset_id: str, status: str) -> None:
     """Take solutions that ended with ``status`` out of a data set, to be solved once more."""
-    with workspace.home.lock(f"generate-{dataset_id}"):
+    with beside_others(workspace.home, f"generate-{dataset_id}"):
         where = f"dataset_id = '{dataset_id}' AND status = '{status}'"
         count = workspace.lake.delete("solutions", where)
     say(f"generate: {count} solutions that ended with {status!r} are solved once more")

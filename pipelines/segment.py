@@ -18,6 +18,7 @@ from pipelines.datasets import configuration_of
 from pipelines.production import Plan, produce
 from pipelines.progress import say
 from pipelines.provenance import code_version
+from pipelines.turns import beside_others
 from pipelines.workspace import Workspace
 from services.cluster.delivery import Note, Trouble
 from services.lake.appender import Group
@@ -118,10 +119,11 @@ def segment(config: Configuration, workspace: Workspace, dataset_id: str) -> Non
 
     Raises:
         DataError: No solution is accepted, or one cannot be cut.
+        HomeError: Another process cuts the same data set, or a repair is at work.
         KeyboardInterrupt: The user stopped it; what was cut is kept.
     """
     lake, cut = workspace.lake, config.segmentation_id
-    with workspace.home.lock(f"segment-{dataset_id}"):
+    with beside_others(workspace.home, f"segment-{dataset_id}"):
         _register(config, workspace, dataset_id)
         _require_accepted(workspace, dataset_id)
         tally = CutTally()

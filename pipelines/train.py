@@ -19,6 +19,7 @@ from pipelines.learning_data import LearningData
 from pipelines.progress import bar, say
 from pipelines.provenance import code_version
 from pipelines.registry import is_trained
+from pipelines.turns import beside_others
 from pipelines.workspace import Workspace
 
 EXPERIMENT = "training"
@@ -76,7 +77,8 @@ def train(config: Configuration, workspace: Workspace, data: LearningData) -> li
     wanted = jobs(config, data)
     missing = [job for job in wanted if not is_trained(workspace, job.model_id)]
     if missing:
-        _train_missing(workspace, data, missing)
+        with beside_others(workspace.home, "train", shared=True):
+            _train_missing(workspace, data, missing)
     else:
         say(f"train: all {len(wanted)} models are there already")
     return [job.model_id for job in wanted]

@@ -46,6 +46,11 @@ def size(nbytes: int) -> str:
     return f"{nbytes} B"
 
 
+def counted(number: int, noun: str) -> str:
+    """A number and what it counts, in the plural where there is more or less than one."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
 def cell(value: object) -> str:
     """A value for people; nothing for what is not there."""
     if value is None:

@@ -24,11 +24,14 @@ from services.lake.examination import (
 from services.lake.log import read_log
 from services.lake.schemas import IDENTITY, MADE_BY, SCHEMAS
 from services.lake.tables import Lake
+from services.objects.faults import plain
 
 SHOWN = 10
 """Rows that are named of all that break the same thing."""
 
 REPAIR = "run `lmtr lake repair`"
+
+BROKEN_ROWS = 'no repair changes such rows; see "Rows that break a rule" in docs/lake.md'
 
 
 @dataclass
@@ -158,16 +161,28 @@ def inspect_table(
     try:
         listed = data_files(lake.delta(table))
     except LakeError as error:
-        found.add("table", "it can be opened", REPAIR, [str(error)], 1, most)
+        _add_unopened(found, error, most)
         return found
     with Examiner(table) as examiner:
         for file in listed:
             _inspect_file(files, file, examiner, found, most, advance)
     if found.readable:
         for says, keys, count in _doubled(lake, found, most):
-            mend = f"see docs/lake.md; rows of {table} are added by `{MADE_BY[table]}` alone"
+            mend = f"{BROKEN_ROWS}; rows of {table} are added by `{MADE_BY[table]}` alone"
             found.add("identity", says, mend, keys, count, most)
     return found
+
+
+def _add_unopened(found: Inspection, error: LakeError, most: int) -> None:
+    """Say why a table cannot be opened; of a damaged log that is said already."""
+    says, cause = "it can be opened", error.__cause__
+    if found.findings:
+        found.add("table", says, REPAIR, ["not before its log is mended"], 1, most)
+    elif cause is not None:
+        found.add("table", says, REPAIR, [plain(cause)], 1, most)
+    else:  # its schema is of another version, and the error says what to do
+        reason, _, mend = str(error).rpartition("; ")
+        found.add("table", says, mend, [reason], 1, most)
 
 
 def _holds_files(lake: Lake, table: str) -> bool:
@@ -215,7 +230,7 @@ def _inspect_rows(batch: pa.Table, examiner: Examiner, found: Inspection, most: 
     found.undigested += len(examined.undigested)
     for broken in examined.broken:
         subjects = row_names(found.table, batch, broken.rows[:most])
-        mend = REPAIR if broken.kind == "digest" else f"see docs/lake.md, {broken.kind}"
+        mend = REPAIR if broken.kind == "digest" else BROKEN_ROWS
         found.add(broken.kind, broken.says, mend, subjects, len(broken.rows), most)
     return any(broken.kind == "digest" for broken in examined.broken)
 

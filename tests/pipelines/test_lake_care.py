@@ -106,8 +106,8 @@ def test_a_torn_log_is_found_repaired_and_clean_again(lmtr, home):
     assert findings(lmtr, home)["log"]["count"] == 1
     status, out, _ = lmtr("--home", home.root, "lake", "repair")
     assert status == 0
-    assert "solutions: whole up to version 1" in out
-    assert "solutions: 1 rows salvaged, 0 lost" in out
+    assert "solutions: its log is whole up to version 1" in out
+    assert "solutions: 1 row salvaged, 0 lost" in out
     assert "`lmtr generate` makes what is missing again" in out
     assert findings(lmtr, home) == {}
 
