@@ -29,6 +29,7 @@ from services.cache import machine_cache
 from services.cluster.delivery import Note
 from services.lake.appender import Appender, Group
 from services.lake.digest import sealed
+from services.lake.once import append_once
 from services.lake.schemas import SCHEMAS
 
 
@@ -118,6 +119,7 @@ def generate(
         require_same(config, workspace)
         present = _solved(workspace, dataset_id)
         if present >= config.dataset.solutions:
+            _register(config, workspace)  # a repair may have taken the description out
             say(f"generate: {dataset_id} has {present} solutions already, nothing to do")
             return dataset_id
         _prepare_expert(config, make_expert)
@@ -203,4 +205,4 @@ def _register(config: Configuration, workspace: Workspace) -> None:
         "code_version": code_version(),
         "created_at": records.now(),
     }
-    workspace.lake.append_rows("datasets", [row], app_id=f"datasets/{config.dataset_id}")
+    append_once(workspace.lake, "datasets", [row], f"datasets/{config.dataset_id}")

@@ -23,6 +23,7 @@ from pipelines.workspace import Workspace
 from services.cluster.delivery import Note, Trouble
 from services.lake.appender import Group
 from services.lake.digest import sealed
+from services.lake.once import append_once
 from services.lake.schemas import SCHEMAS
 from services.lake.sink import Receipt
 from services.lake.tables import Lake
@@ -203,7 +204,7 @@ def _register(config: Configuration, workspace: Workspace, dataset_id: str) -> N
         "created_at": records.now(),
     }
     app_id = f"cuts/{dataset_id}/{config.segmentation_id}"
-    workspace.lake.append_rows("cuts", [row], app_id=app_id)
+    append_once(workspace.lake, "cuts", [row], app_id)
 
 
 def selection(dataset_id: str, segmentation_id: str) -> str:

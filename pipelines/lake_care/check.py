@@ -26,7 +26,7 @@ from services.lake.inspection import (
     tables_found,
 )
 from services.lake.repair import QUARANTINE, Repair, repair_table
-from services.lake.schemas import MADE_BY
+from services.lake.schemas import MADE_BY, SCHEMAS
 from services.lake.tables import Lake
 from services.locks import Holder
 
@@ -50,7 +50,10 @@ def check(
     busy = at_work(workspace.home)
     with bar("Looking at rows", _expected_rows(lake, names)) as progress:
         inspections = [inspect_table(lake, name, most, progress.advance) for name in names]
-    rows = {each.table: readable_rows(lake, each) for each in inspections if each.readable}
+    known = [each for each in inspections if each.is_known]
+    if not tables:  # one that is gone altogether holds no rows
+        known += [Inspection(name) for name in SCHEMAS if name not in names]
+    rows = {each.table: readable_rows(lake, each) for each in known}
     findings = [finding for each in inspections for finding in each.findings]
     if "datasets" in rows:
         findings += layout_findings(rows["datasets"])
@@ -121,7 +124,7 @@ def _report(
         print_records([asdict(each) for each in progress], form)
     for finding in findings:
         times = "once" if finding.count == 1 else f"{finding.count} times"
-        said(f"✗ {finding.table}, {finding.kind}: not so {times}: {finding.says}")
+        said(f"✗ {finding.table}, {finding.kind}: fails {times}: {finding.says}")
         for subject in finding.subjects:
             said(f"    {subject}")
         if finding.count > len(finding.subjects):
@@ -158,12 +161,14 @@ def _told(done: Repair, dry_run: bool) -> list[str]:
     lines += [f"{path} is gone, {_rows_of(rows)}" for path, rows in done.missing.items()]
     if dry_run:
         if done.files:
-            lines.append(f"of their {counted(done.taken_out, 'row')} the whole ones would be kept")
+            rows = counted(done.taken_out, "row")
+            lines.append(f"of {rows} in files to be moved, the whole ones would be added again")
         return lines
-    lines.append(
-        f"{counted(done.salvaged, 'row')} salvaged, {done.lost} lost; {done.refused} left out, "
-        "which are damaged or were made together with one that is"
-    )
+    lines.append(f"{counted(done.salvaged, 'row')} salvaged, {done.lost} lost")
+    if done.refused:
+        lines.append(
+            f"{counted(done.refused, 'row')} left out: damaged, or made together with a damaged one"
+        )
     if done.lost or done.refused or done.log_files:
         lines.append(f"`{MADE_BY[done.table]}` makes what is missing again, with the same numbers")
     return lines

@@ -83,6 +83,7 @@ class Inspection:
         damaged: Files that cannot be read or hold a row that its digest belies, and why.
         missing: Files that are not there.
         readable: Files that can be read.
+        opened: Whether the table could be opened.
     """
 
     table: str
@@ -92,6 +93,12 @@ class Inspection:
     damaged: dict[str, str] = field(default_factory=dict)
     missing: dict[str, int | None] = field(default_factory=dict)
     readable: list[str] = field(default_factory=list)
+    opened: bool = False
+
+    @property
+    def is_known(self) -> bool:
+        """Whether its rows are known, at least in part; of an empty table, that it has none."""
+        return bool(self.readable) or (self.opened and not self.damaged and not self.missing)
 
     def add(
         self, kind: str, says: str, mend: str, subjects: Iterable[str], count: int, most: int
@@ -130,8 +137,10 @@ def data_files(delta: DeltaTable) -> list[DataFile]:
 
 
 def readable_rows(lake: Lake, inspection: Inspection) -> pads.Dataset:
-    """The rows of all files that can be read."""
+    """The rows of all files that can be read; none of a table that is not there."""
     table = inspection.table
+    if not inspection.readable:
+        return pads.dataset(read_schema(table).empty_table())
     return pads.dataset(
         inspection.readable,
         schema=read_schema(table),
@@ -163,6 +172,7 @@ def inspect_table(
     except LakeError as error:
         _add_unopened(found, error, most)
         return found
+    found.opened = True
     with Examiner(table) as examiner:
         for file in listed:
             _inspect_file(files, file, examiner, found, most, advance)

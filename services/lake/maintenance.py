@@ -8,7 +8,7 @@ from typing import Any
 import pyarrow.fs as pafs
 
 from services.errors import LakeError
-from services.lake.inspection import data_files, table_files
+from services.lake.inspection import DataFile, data_files, table_files
 from services.lake.log import FOLDER, read_log
 from services.lake.schemas import IDENTITY, SCHEMAS
 from services.lake.tables import VERSION_KEY, Lake
@@ -70,6 +70,7 @@ def info(lake: Lake, table: str) -> TableInfo:
     """
     delta = lake.delta(table)
     listed, stored = data_files(delta), _stored(table_files(lake, table))
+    _require_files(table, listed, stored)
     entries = [each for each in stored if each.path.startswith(f"{FOLDER}/")]
     return TableInfo(
         table=table,
@@ -145,6 +146,15 @@ def remove(lake: Lake, table: str, unneeded: list[Unneeded]) -> None:
     files = table_files(lake, table)
     for each in unneeded:
         files.delete_file(each.path)
+
+
+def _require_files(table: str, listed: list[DataFile], stored: list[pafs.FileInfo]) -> None:
+    gone = sorted({each.path for each in listed} - {each.path for each in stored})
+    if gone:
+        raise LakeError(
+            f"table {table!r}: {len(gone)} of its {len(listed)} data files are gone, {gone[0]} for "
+            "one; look what else is wrong with `lmtr lake check`"
+        )
 
 
 def _require_whole(table: str, faulty: bool) -> None:
