@@ -67,17 +67,29 @@ def repair(workspace: Workspace, tables: Sequence[str] = (), *, dry_run: bool = 
     """Make damaged tables usable, and print what was done and what was lost.
 
     Raises:
-        LakeError: A table cannot be repaired.
+        LakeError: A table cannot be repaired; the others were.
         HomeError: Another process of this machine changes the home.
     """
-    lake = workspace.lake
-    if dry_run:
-        _warn(at_work(workspace.home))
+    _warn(at_work(workspace.home) if dry_run else ())
+    if workspace.home.access is not None:
+        say("repair: it cannot see what other machines write to the store; see that none does")
     with nullcontext() if dry_run else alone(workspace.home, REPAIR):
-        for name in chosen(tables, tables_found(lake)):
-            done = repair_table(lake, name, dry_run=dry_run)
-            for line in _told(done, dry_run):
-                said(f"{name}: {line}")
+        names = chosen(tables, tables_found(workspace.lake))
+        failed = [name for name in names if not _repaired(workspace.lake, name, dry_run)]
+    if failed:
+        raise LakeError(f"lake: {', '.join(failed)} not repaired, for the reasons above")
+
+
+def _repaired(lake: Lake, table: str, dry_run: bool) -> bool:
+    """Repair one table and tell of it; returns whether that could be done."""
+    try:
+        lines = _told(repair_table(lake, table, dry_run=dry_run), dry_run)
+    except LakeError as error:
+        said(f"{table}: {error}")
+        return False
+    for line in lines:
+        said(f"{table}: {line}")
+    return True
 
 
 def _expected_rows(lake: Lake, names: Sequence[str]) -> int | None:

@@ -1,11 +1,14 @@
 """``lmtr lake``: exit statuses, what is said, and what only the joined tables can tell."""
 
 import json
+import shutil
 from datetime import UTC, datetime
 
 import numpy as np
 import pyarrow as pa
 import pytest
+from deltalake import DeltaTable
+from s3_servers import BUCKET
 
 from lmtr.vectors.layout import SEGMENT_LAYOUT, TASK_LAYOUT
 from pipelines.lake_care.look import entry_names
@@ -14,7 +17,7 @@ from services.home import Home
 from services.lake.digest import sealed
 from services.lake.log import entry_path
 from services.lake.schemas import SCHEMAS, SEGMENT_SIZE, TASK_SIZE
-from services.lake.tables import Lake
+from services.lake.tables import VERSION_KEY, Lake
 
 MADE = {"code_version": "0", "created_at": datetime(2026, 11, 22, tzinfo=UTC)}
 
@@ -50,7 +53,11 @@ def segments(solution_index):
 @pytest.fixture
 def home(tmp_path):
     """A home with one data set of two failed solutions; nothing is wrong with it."""
-    home = Home.open(tmp_path / "home", create=True)
+    return filled(tmp_path / "home")
+
+
+def filled(place):
+    home = Home.open(place, create=True)
     lake = Lake(home.lake)
     lake.append_rows("datasets", [dataset()], app_id="d")
     for index in (0, 1):
@@ -64,7 +71,7 @@ def home(tmp_path):
 
 
 def findings(lmtr, home):
-    status, out, _ = lmtr("--home", home.root, "lake", "check", "--format", "json")
+    status, out, _ = lmtr("--home", home.name, "lake", "check", "--format", "json")
     told = json.loads(out)
     assert status == (0 if told["clean"] else 1)
     return {each["kind"]: each for each in told["findings"]}
@@ -110,6 +117,39 @@ def test_a_torn_log_is_found_repaired_and_clean_again(lmtr, home):
     assert "solutions: 1 row salvaged, 0 lost" in out
     assert "`lmtr generate` makes what is missing again" in out
     assert findings(lmtr, home) == {}
+
+
+def test_solutions_of_no_table_of_data_sets_are_named(lmtr, home):
+    shutil.rmtree(home.lake / "datasets")
+    assert findings(lmtr, home)["reference"]["subjects"] == ["a"]
+
+
+def test_a_table_that_cannot_be_repaired_does_not_stop_the_others(lmtr, home):
+    DeltaTable(home.lake / "datasets").alter.set_table_properties({VERSION_KEY: "99"}, False)
+    (home.lake / "solutions" / entry_path(2)).write_bytes(b"")
+    status, out, err = lmtr("--home", home.root, "lake", "repair")
+    assert status == 2
+    assert "datasets not repaired" in err
+    assert "solutions: 1 row salvaged, 0 lost" in out
+
+
+def test_a_store_is_looked_after_like_a_folder(lmtr, moto, reach, prefix):
+    reach(moto)
+    home = filled(f"s3://{BUCKET}/{prefix}")
+    at = ("--home", home.name, "lake")
+    table, client = f"{prefix}/lake/solutions", moto.client()
+    client.put_object(Bucket=BUCKET, Key=f"{table}/{entry_path(2)}", Body=b"{")
+    client.put_object(Bucket=BUCKET, Key=f"{prefix}/lake/cuts/left.parquet", Body=b"?")
+    assert findings(lmtr, home).keys() == {"log", "table"}
+    status, out, err = lmtr(*at, "repair")
+    assert (status, "other machines" in err) == (0, True)
+    assert "solutions: 1 row salvaged, 0 lost" in out
+    assert findings(lmtr, home) == {}
+    assert "cuts: 1 file, 1 B, deleted" in lmtr(*at, "vacuum", "cuts", "--grace", "0")[1]
+    assert lmtr(*at, "compact", "solutions")[1] == "solutions: 2 files, now 1\n"
+    assert "is of schema version 2 already" in lmtr(*at, "migrate")[1]
+    assert findings(lmtr, home) == {}
+    assert f"{table}/_quarantine/{entry_path(2)}" in moto.objects(table)
 
 
 def test_history_is_not_forgotten_by_accident(lmtr, home):
