@@ -16,6 +16,7 @@ from pipelines.records import error_columns, to_json
 from services.home import Home
 from services.lake.digest import sealed
 from services.lake.log import entry_path
+from services.lake.migration import outdated
 from services.lake.schemas import SCHEMAS, SEGMENT_SIZE, TASK_SIZE
 from services.lake.tables import VERSION_KEY, Lake
 
@@ -119,6 +120,14 @@ def test_a_torn_log_is_found_repaired_and_clean_again(lmtr, home):
     assert findings(lmtr, home) == {}
 
 
+def test_a_torn_log_is_told_in_a_line_that_names_the_check(lmtr, home):
+    (home.lake / "solutions" / entry_path(2)).write_bytes(b'{"add')
+    status, _, err = lmtr("--home", home.root, "lake", "info")
+    assert (status, err.count("\n"), "0: " in err) == (2, 1, False)
+    assert err.endswith("look what is wrong with `lmtr lake check`\n")
+    assert findings(lmtr, home)["table"]["subjects"] == ["not before its log is mended"]
+
+
 def test_solutions_of_no_table_of_data_sets_are_named(lmtr, home):
     shutil.rmtree(home.lake / "datasets")
     assert findings(lmtr, home)["reference"]["subjects"] == ["a"]
@@ -131,6 +140,17 @@ def test_a_table_that_cannot_be_repaired_does_not_stop_the_others(lmtr, home):
     assert status == 2
     assert "datasets not repaired" in err
     assert "solutions: 1 row salvaged, 0 lost" in out
+
+
+def test_an_older_table_is_not_migrated_under_a_generation(lmtr, home):
+    delta = DeltaTable(home.lake / "solutions")
+    delta.alter.set_table_properties({VERSION_KEY: "1"}, False)
+    migrate = ("--home", home.root, "lake", "migrate")
+    with home.lock("generate-a"):
+        status, _, err = lmtr(*migrate)
+        assert (status, "`lmtr generate` (process " in err) == (2, True)
+        assert outdated(Lake(home.lake), "solutions") == "1"
+    assert "solutions: schema version 1 → 2" in lmtr(*migrate)[1]
 
 
 def test_a_store_is_looked_after_like_a_folder(lmtr, moto, reach, prefix):

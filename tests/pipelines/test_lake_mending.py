@@ -119,6 +119,20 @@ def test_descriptions_that_were_lost_are_written_again(lmtr, at, home, cut_home)
     require_as_before(lmtr, at, cut_home)
 
 
+def test_rollouts_and_models_that_were_lost_are_made_again(lmtr, tiny_home, tiny_config, tmp_path):
+    home = shutil.copytree(tiny_home, tmp_path / "home")
+    lake, at = Lake(home / "lake"), ("--home", home)
+    before = {table: lake.read(table).num_rows for table in ("models", "evaluations", "rollouts")}
+    for table in ("models", "rollouts"):
+        assert lake.compact(table)
+        data_file(home, table).unlink()
+    assert lmtr(*at, "lake", "repair")[0] == 0
+    for stage in ("train", "evaluate"):
+        assert lmtr(*at, stage, "-c", tiny_config)[0] == 0
+    assert {table: lake.read(table).num_rows for table in before} == before
+    assert lmtr(*at, "lake", "check")[0] == 0
+
+
 HOLDER = """
 import sys
 from pipelines import turns
