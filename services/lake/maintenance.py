@@ -227,5 +227,5 @@ def _told(commit: dict[str, Any]) -> dict[str, Any]:
         "operation": commit.get("operation", ""),
         "rows": None if rows is None or math.isnan(float(rows)) else int(rows),
         "by": commit.get("engineInfo") or commit.get("clientVersion") or "",
-        "notes": {key: value for key, value in commit.items() if key not in _KNOWN},
+        "notes": {key: commit[key] for key in sorted(commit) if key not in _KNOWN},
     }

@@ -14,6 +14,7 @@ from lmtr.vectors.layout import SEGMENT_LAYOUT, TASK_LAYOUT
 from pipelines.lake_care.look import entry_names
 from pipelines.records import error_columns, to_json
 from services.home import Home
+from services.lake.appender import Appender, Group
 from services.lake.digest import sealed
 from services.lake.log import entry_path
 from services.lake.migration import outdated
@@ -202,6 +203,21 @@ def test_what_a_lake_holds_is_told(lmtr, home):
     assert row["x"] == list(range(TASK_SIZE))
     assert "0 files" in lmtr(*at, "vacuum")[1]
     assert "is of schema version 2 already" in lmtr(*at, "migrate")[1]
+
+
+def test_tables_for_people_show_what_a_terminal_has_room_for(lmtr, home):
+    lake = Lake(home.lake)
+    rows = segments(0)
+    lake.append("segments", rows, app_id="g", number=1)
+    at = ("--home", home.root, "lake")
+    told = lmtr(*at, "stats", "segments", "-c", "x")[1]
+    assert [word.strip() for word in told.splitlines()[1].strip("┃").split("┃")] == [
+        *("column", "unit", "count", "min", "q50", "max", "mean", "std")
+    ]
+    assert "│ x height" in told
+    group = Group("segments", {"dataset_id": "a"}, "solution_index")
+    Appender(lake, group).append(segments(1), {"lmtr.b": "2", "lmtr.a": "1"})
+    assert "a=1, b=2 │" in " ".join(lmtr(*at, "history", "segments", "-n", "1")[1].split())
 
 
 def test_units_of_entries_follow_their_axes():
