@@ -24,6 +24,11 @@ def resolve(workspace: Workspace, dataset_id: str | None, preferred: str | None 
     lake = workspace.lake
     rows = lake.read("datasets", ["dataset_id", "created_at"], order_by="created_at").to_pylist()
     known = [row["dataset_id"] for row in rows]
+    if not known:
+        raise DataError(
+            "this home describes no data set; make one with `lmtr generate`, which describes one "
+            "that is there again if it is given the same settings"
+        )
     wanted = dataset_id or preferred or known[-1]
     if wanted not in known:
         raise DataError(

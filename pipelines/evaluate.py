@@ -25,7 +25,10 @@ from pipelines.progress import bar, say
 from pipelines.provenance import code_version
 from pipelines.registry import Registered, load, models
 from pipelines.sections import EvaluationSection
+from pipelines.turns import beside_others
 from pipelines.workspace import Workspace
+from services.lake.once import append_once
+from services.lake.tables import Lake
 
 EXPERIMENT = "evaluation"
 
@@ -133,13 +136,20 @@ def evaluate(
     """
     known = models(workspace, data.dataset_id, data.segmentation_id, model_ids)
     wanted = trials(config, data, known)
-    done = set(workspace.lake.values("evaluations", "evaluation_id"))
+    done = _evaluated(workspace.lake)
     missing = [trial for trial in wanted if trial.evaluation_id not in done]
     if missing:
-        _evaluate_missing(config, workspace, data, missing)
+        with beside_others(workspace.home, "evaluate", shared=True):
+            _evaluate_missing(config, workspace, data, missing)
     else:
         say(f"evaluate: all {len(wanted)} replanners are evaluated already")
     return [trial.evaluation_id for trial in wanted]
+
+
+def _evaluated(lake: Lake) -> set[str]:
+    """Evaluations that are whole in the lake; a repair may have taken out the rollouts of one."""
+    done = set(lake.values("evaluations", "evaluation_id"))
+    return done & set(lake.values("rollouts", "evaluation_id"))
 
 
 def _evaluate_missing(
@@ -192,7 +202,7 @@ class _Recorder:
         lake = self.workspace.lake
         run_id = self._log(trial, tried, metrics)
         rows = [self._rollout_row(trial, rollout) for rollout in tried.rollouts]
-        lake.append_rows("rollouts", rows, app_id=f"rollouts/{trial.evaluation_id}")
+        append_once(lake, "rollouts", rows, f"rollouts/{trial.evaluation_id}")
         row = {
             "evaluation_id": trial.evaluation_id,
             "dataset_id": self.data.dataset_id,
@@ -209,7 +219,7 @@ class _Recorder:
             "code_version": code_version(),
             "created_at": records.now(),
         }
-        lake.append_rows("evaluations", [row], app_id=f"evaluations/{trial.evaluation_id}")
+        append_once(lake, "evaluations", [row], f"evaluations/{trial.evaluation_id}")
 
     def _log(self, trial: Trial, tried: Tried, metrics: dict[str, float]) -> str:
         """Log one run of the tracker; returns its id."""

@@ -23,11 +23,13 @@ from pipelines.generation_tally import GenerationTally
 from pipelines.production import Plan, lacking, produce
 from pipelines.progress import say
 from pipelines.provenance import code_version
+from pipelines.turns import beside_others
 from pipelines.workspace import Workspace
 from services.cache import machine_cache
 from services.cluster.delivery import Note
 from services.lake.appender import Appender, Group
 from services.lake.digest import sealed
+from services.lake.once import append_once
 from services.lake.schemas import SCHEMAS
 
 
@@ -114,14 +116,16 @@ def generate(
 
     Raises:
         ConfigurationError: The data set is there, made with other settings.
+        HomeError: Another process makes the same data set, or a repair is at work.
         KeyboardInterrupt: The user stopped it; what was solved is kept.
     """
     dataset_id, lake = config.dataset_id, workspace.lake
-    with workspace.home.lock(f"generate-{dataset_id}"):
+    with beside_others(workspace.home, f"generate-{dataset_id}"):
         require_same(config, workspace)
         if again is not None:
             config = _without(config, workspace, again)
         if not lacking(workspace, _group(dataset_id), range(config.dataset.solutions)):
+            _register(config, workspace)  # a repair may have taken the description out
             present = _solved(workspace, dataset_id)
             say(f"generate: {dataset_id} has {present} solutions already, nothing to do")
             return dataset_id
@@ -210,4 +214,4 @@ def _register(config: Configuration, workspace: Workspace) -> None:
         "code_version": code_version(),
         "created_at": records.now(),
     }
-    workspace.lake.append_rows("datasets", [row], app_id=f"datasets/{config.dataset_id}")
+    append_once(workspace.lake, "datasets", [row], f"datasets/{config.dataset_id}")

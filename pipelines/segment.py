@@ -18,10 +18,12 @@ from pipelines.datasets import configuration_of
 from pipelines.production import Plan, produce
 from pipelines.progress import say
 from pipelines.provenance import code_version
+from pipelines.turns import beside_others
 from pipelines.workspace import Workspace
 from services.cluster.delivery import Note, Trouble
 from services.lake.appender import Group
 from services.lake.digest import sealed
+from services.lake.once import append_once
 from services.lake.schemas import SCHEMAS
 from services.lake.sink import Receipt
 from services.lake.tables import Lake
@@ -122,10 +124,11 @@ def segment(config: Configuration, workspace: Workspace, dataset_id: str) -> Non
 
     Raises:
         DataError: No solution is accepted, or one cannot be cut.
+        HomeError: Another process cuts the same data set, or a repair is at work.
         KeyboardInterrupt: The user stopped it; what was cut is kept.
     """
     lake, cut = workspace.lake, config.segmentation_id
-    with workspace.home.lock(f"segment-{dataset_id}"):
+    with beside_others(workspace.home, f"segment-{dataset_id}"):
         _register(config, workspace, dataset_id)
         _require_accepted(workspace, dataset_id)
         tally = CutTally()
@@ -206,7 +209,7 @@ def _register(config: Configuration, workspace: Workspace, dataset_id: str) -> N
         "created_at": records.now(),
     }
     app_id = f"cuts/{dataset_id}/{config.segmentation_id}"
-    workspace.lake.append_rows("cuts", [row], app_id=app_id)
+    append_once(workspace.lake, "cuts", [row], app_id)
 
 
 def selection(dataset_id: str, segmentation_id: str) -> str:

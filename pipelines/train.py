@@ -19,7 +19,9 @@ from pipelines.learning_data import LearningData
 from pipelines.progress import bar, say
 from pipelines.provenance import code_version
 from pipelines.registry import is_trained
+from pipelines.turns import beside_others
 from pipelines.workspace import Workspace
+from services.lake.once import append_once
 
 EXPERIMENT = "training"
 
@@ -76,7 +78,8 @@ def train(config: Configuration, workspace: Workspace, data: LearningData) -> li
     wanted = jobs(config, data)
     missing = [job for job in wanted if not is_trained(workspace, job.model_id)]
     if missing:
-        _train_missing(workspace, data, missing)
+        with beside_others(workspace.home, "train", shared=True):
+            _train_missing(workspace, data, missing)
     else:
         say(f"train: all {len(wanted)} models are there already")
     return [job.model_id for job in wanted]
@@ -138,7 +141,7 @@ def _record(
         "code_version": code_version(),
         "created_at": records.now(),
     }
-    workspace.lake.append_rows("models", [row], app_id=f"models/{job.model_id}")
+    append_once(workspace.lake, "models", [row], f"models/{job.model_id}")
 
 
 def _metrics(model: TrainedModel) -> dict[str, float]:

@@ -1,7 +1,6 @@
 """The home: the one place that holds everything LMTR makes, a folder or a prefix of a store."""
 
 import errno
-import fcntl
 import os
 import tempfile
 from collections.abc import Iterator
@@ -11,6 +10,7 @@ from pathlib import Path
 
 from services.companion import companion_folder, make_companion
 from services.errors import HomeError
+from services.locks import LockHeldError, Locks
 from services.marker import CONTENT, MARKER, require_known, require_unclaimed
 from services.objects import probe
 from services.objects.access import Access
@@ -101,30 +101,30 @@ class Home:
         """Folder of reports and pictures."""
         return self.root / "reports"
 
+    @property
+    def locks(self) -> Locks:
+        """Locks by which processes of this machine keep out of each other's way."""
+        return Locks(self.root / "locks")
+
     @contextmanager
-    def lock(self, name: str) -> Iterator[None]:
+    def lock(self, name: str, *, shared: bool = False) -> Iterator[None]:
         """Be the only process of this machine that does ``name`` in this home.
 
-        The kernel releases the lock when its holder ends, however it ends.
+        Args:
+            name: What is done.
+            shared: Let others do it as well; those who do it alone are still kept out.
 
         Raises:
             HomeError: Another process is doing it.
         """
-        folder = self.root / "locks"
-        folder.mkdir(exist_ok=True)
-        with (folder / f"{name}.lock").open("a+", encoding="ascii") as file:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError as error:
-                file.seek(0)
-                raise HomeError(
-                    f"home {self.name}: process {file.read() or '?'} is busy with {name!r}; "
-                    "wait until it is done, or stop it"
-                ) from error
-            file.truncate(0)
-            file.write(str(os.getpid()))
-            file.flush()
-            yield
+        try:
+            with self.locks.held(name, shared=shared):
+                yield
+        except LockHeldError as error:
+            raise HomeError(
+                f"home {self.name}: {error.holder} is busy with {name!r}; wait until it is done, "
+                "or stop it"
+            ) from error
 
     def require_writable(self) -> None:
         """Refuse a home that nothing can be written to, before any work is done.

@@ -1,6 +1,8 @@
 """For all tests: walks that need no optimizer, and servers that speak S3."""
 
 import os
+import subprocess
+import sys
 import uuid
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -122,3 +124,18 @@ def reach(monkeypatch, tmp_path) -> Callable[[S3Server], None]:
 def prefix() -> str:
     """A prefix of the bucket that nobody else uses."""
     return f"p{uuid.uuid4().hex[:12]}"
+
+
+@pytest.fixture
+def spawn() -> Callable[..., "subprocess.Popen[str]"]:
+    """Runs Python source in a process of its own."""
+
+    def start(source: str, *arguments: object) -> "subprocess.Popen[str]":
+        return subprocess.Popen(
+            [sys.executable, "-c", source, *map(str, arguments)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+
+    return start

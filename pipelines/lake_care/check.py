@@ -1,6 +1,7 @@
 """``lmtr lake check`` and ``repair``: whether a lake is whole, and what makes it so."""
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import asdict
 
 from pipelines.lake_care.references import (
@@ -9,9 +10,10 @@ from pipelines.lake_care.references import (
     progress_of,
     reference_findings,
 )
-from pipelines.lake_care.rendering import print_json, print_records, said
+from pipelines.lake_care.rendering import counted, print_json, print_records, said
 from pipelines.lake_care.tables import chosen
-from pipelines.progress import bar
+from pipelines.progress import bar, say
+from pipelines.turns import REPAIR, alone, at_work, told
 from pipelines.workspace import Workspace
 from services.errors import LakeError
 from services.lake.inspection import (
@@ -24,8 +26,9 @@ from services.lake.inspection import (
     tables_found,
 )
 from services.lake.repair import QUARANTINE, Repair, repair_table
-from services.lake.schemas import MADE_BY
+from services.lake.schemas import MADE_BY, SCHEMAS
 from services.lake.tables import Lake
+from services.locks import Holder
 
 
 def check(
@@ -44,14 +47,19 @@ def check(
     """
     lake = workspace.lake
     names = chosen(tables, tables_found(lake))
+    busy = at_work(workspace.home)
     with bar("Looking at rows", _expected_rows(lake, names)) as progress:
         inspections = [inspect_table(lake, name, most, progress.advance) for name in names]
-    rows = {each.table: readable_rows(lake, each) for each in inspections if each.readable}
+    known = [each for each in inspections if each.is_known]
+    if not tables:  # one that is gone altogether holds no rows
+        known += [Inspection(name) for name in SCHEMAS if name not in names]
+    rows = {each.table: readable_rows(lake, each) for each in known}
     findings = [finding for each in inspections for finding in each.findings]
     if "datasets" in rows:
         findings += layout_findings(rows["datasets"])
     findings += reference_findings(rows, most)
-    _report(inspections, findings, progress_of(rows), form)
+    busy += [each for each in at_work(workspace.home) if each not in busy]
+    _report(inspections, findings, progress_of(rows), busy, form)
     return not findings
 
 
@@ -59,15 +67,29 @@ def repair(workspace: Workspace, tables: Sequence[str] = (), *, dry_run: bool = 
     """Make damaged tables usable, and print what was done and what was lost.
 
     Raises:
-        LakeError: A table cannot be repaired.
-        HomeError: Another repair is at work.
+        LakeError: A table cannot be repaired; the others were.
+        HomeError: Another process of this machine changes the home.
     """
-    lake = workspace.lake
-    with workspace.home.lock("lake-repair"):
-        for name in chosen(tables, tables_found(lake)):
-            done = repair_table(lake, name, dry_run=dry_run)
-            for line in _told(done, dry_run):
-                said(f"{name}: {line}")
+    _warn(at_work(workspace.home) if dry_run else ())
+    if workspace.home.access is not None:
+        say("repair: it cannot see what other machines write to the store; see that none does")
+    with nullcontext() if dry_run else alone(workspace.home, REPAIR):
+        names = chosen(tables, tables_found(workspace.lake))
+        failed = [name for name in names if not _repaired(workspace.lake, name, dry_run)]
+    if failed:
+        raise LakeError(f"lake: {', '.join(failed)} not repaired, for the reasons above")
+
+
+def _repaired(lake: Lake, table: str, dry_run: bool) -> bool:
+    """Repair one table and tell of it; returns whether that could be done."""
+    try:
+        lines = _told(repair_table(lake, table, dry_run=dry_run), dry_run)
+    except LakeError as error:
+        said(f"{table}: {error}")
+        return False
+    for line in lines:
+        said(f"{table}: {line}")
+    return True
 
 
 def _expected_rows(lake: Lake, names: Sequence[str]) -> int | None:
@@ -83,8 +105,10 @@ def _report(
     inspections: Sequence[Inspection],
     findings: Sequence[Finding],
     progress: Sequence[Progress],
+    busy: Sequence[Holder],
     form: str,
 ) -> None:
+    _warn(busy)
     looked = [
         {
             "table": each.table,
@@ -103,6 +127,7 @@ def _report(
                 "tables": looked,
                 "data_sets": [asdict(each) for each in progress],
                 "findings": [asdict(finding) for finding in findings],
+                "at_work": [asdict(holder) for holder in busy],
             }
         )
         return
@@ -110,7 +135,8 @@ def _report(
     if progress:
         print_records([asdict(each) for each in progress], form)
     for finding in findings:
-        said(f"✗ {finding.table}, {finding.kind}: not so {finding.count} times: {finding.says}")
+        times = "once" if finding.count == 1 else f"{finding.count} times"
+        said(f"✗ {finding.table}, {finding.kind}: fails {times}: {finding.says}")
         for subject in finding.subjects:
             said(f"    {subject}")
         if finding.count > len(finding.subjects):
@@ -120,23 +146,45 @@ def _report(
         said("✓ nothing is wrong")
 
 
+def _warn(busy: Sequence[Holder]) -> None:
+    """Say that what is found may be of rows that are just being made."""
+    if busy:
+        say(
+            f"at work now: {' and '.join(map(told, busy))}; rows are on their way, so what is "
+            "found may be of this moment only: look again when that is done"
+        )
+
+
 def _told(done: Repair, dry_run: bool) -> list[str]:
-    """What a repair did, one line each."""
+    """What a repair did or would do, one line each."""
     if not done.changed:
         return ["nothing to repair"]
     verb = "would go" if dry_run else "went"
     lines = [f"{path} {verb} to {QUARANTINE}/" for path in done.log_files]
     if done.version is not None:
         lines.append(
-            f"whole up to version {done.version}"
+            f"its log is whole up to version {done.version}"
             if done.version >= 0
             else "no version of its log is whole: it is made anew from its files"
         )
+    if dry_run and done.log_files:
+        lines.append("its data files can be judged only when its log is mended")
     lines += [f"{path} {verb} to {QUARANTINE}/: it {why}" for path, why in done.files.items()]
-    lines += [f"{path} was gone, with {rows} rows" for path, rows in done.missing.items()]
+    lines += [f"{path} is gone, {_rows_of(rows)}" for path, rows in done.missing.items()]
     if dry_run:
+        if done.files:
+            rows = counted(done.taken_out, "row")
+            lines.append(f"of {rows} in files to be moved, the whole ones would be added again")
         return lines
-    lines.append(f"{done.salvaged} rows salvaged, {done.lost} lost, {done.refused} damaged ones")
+    lines.append(f"{counted(done.salvaged, 'row')} salvaged, {done.lost} lost")
+    if done.refused:
+        lines.append(
+            f"{counted(done.refused, 'row')} left out: damaged, or made together with a damaged one"
+        )
     if done.lost or done.refused or done.log_files:
         lines.append(f"`{MADE_BY[done.table]}` makes what is missing again, with the same numbers")
     return lines
+
+
+def _rows_of(rows: int | None) -> str:
+    return "with rows that nobody counted" if rows is None else f"with {counted(rows, 'row')}"

@@ -1,6 +1,7 @@
 """``lmtr lake info``, ``history``, ``stats`` and ``sample``: what a lake holds."""
 
 from collections.abc import Sequence
+from operator import itemgetter
 
 import numpy as np
 
@@ -46,7 +47,11 @@ def info(workspace: Workspace, form: str) -> None:
 def history(workspace: Workspace, table: str, limit: int | None, form: str) -> None:
     """Print the versions of a table, newest first."""
     chosen([table], workspace.lake.tables())
-    print_records(maintenance.history(workspace.lake, table, limit), form)
+    versions = maintenance.history(workspace.lake, table, limit)
+    if form == "table":
+        for each in versions:
+            each["notes"] = {key.removeprefix("lmtr."): each["notes"][key] for key in each["notes"]}
+    print_records(versions, form)
 
 
 def stats(
@@ -60,7 +65,25 @@ def stats(
     chosen([table], workspace.lake.tables())
     entries = {"x": entry_names(TASK_LAYOUT), "tau": entry_names(SEGMENT_LAYOUT)}
     found = column_statistics(workspace.lake, table, where, columns or None, entries)
-    print_records([each.as_record() for each in found], form)
+    records = [each.as_record() for each in found]
+    print_records(_narrowed(records) if form == "table" else records, form)
+
+
+def _narrowed(records: Sequence[dict[str, object]]) -> list[dict[str, object]]:
+    """What fits a terminal: the plainest figures, to four digits; counts of what occurs."""
+    shown = ["unit", "count", "nulls", "not_finite", "min", "q50", "max", "mean", "std"]
+    for rare in ("nulls", "not_finite"):
+        if not any(map(itemgetter(rare), records)):
+            shown.remove(rare)
+    return [
+        {"column": f"{each['column']} {each['entry']}".rstrip()}
+        | {name: _to_four_digits(each[name]) for name in shown}
+        for each in records
+    ]
+
+
+def _to_four_digits(value: object) -> object:
+    return float(f"{value:.4g}") if isinstance(value, float) else value
 
 
 def sample(

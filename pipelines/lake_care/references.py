@@ -102,7 +102,7 @@ def reference_findings(rows: Mapping[str, pads.Dataset], most: int) -> Iterator[
 
     Args:
         rows: The readable rows of each table; questions to a table that is not among them are
-            left out, except that strays of a table that is gone altogether would be all its rows.
+            left out.
         most: Strays to name of each kind.
     """
     for reference in REFERENCES:

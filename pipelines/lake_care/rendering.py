@@ -5,6 +5,7 @@ import json
 import sys
 from collections.abc import Mapping, Sequence
 from datetime import datetime
+from typing import Literal
 
 from rich.console import Console
 from rich.table import Table
@@ -46,6 +47,11 @@ def size(nbytes: int) -> str:
     return f"{nbytes} B"
 
 
+def counted(number: int, noun: str) -> str:
+    """A number and what it counts, in the plural where there is more or less than one."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
 def cell(value: object) -> str:
     """A value for people; nothing for what is not there."""
     if value is None:
@@ -61,12 +67,21 @@ def cell(value: object) -> str:
 
 def _print_table(records: Sequence[Record], title: str) -> None:
     table = Table(title=title or None, title_justify="left", header_style="bold")
-    for name, value in (records[0] if records else {}).items():
-        numeric = isinstance(value, int | float) and not isinstance(value, bool)
-        table.add_column(name, justify="right" if numeric else "left", overflow="fold")
+    for name in records[0] if records else ():
+        numeric = _is_numeric([record[name] for record in records])
+        justify: Literal["left", "right"] = "right" if numeric else "left"
+        # A number that is cut in two is another number.
+        table.add_column(name, justify=justify, overflow="fold", no_wrap=numeric)
     for record in records:
         table.add_row(*(Text(cell(value)) for value in record.values()))
     _console().print(table)
+
+
+def _is_numeric(values: Sequence[object]) -> bool:
+    there = [value for value in values if value is not None]
+    return bool(there) and all(
+        isinstance(value, int | float) and not isinstance(value, bool) for value in there
+    )
 
 
 def _console() -> Console:

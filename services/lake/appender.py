@@ -23,6 +23,7 @@ from services.errors import LakeError
 from services.lake.checks import conform
 from services.lake.delta import CONFLICT_RETRIES
 from services.lake.tables import Lake
+from services.objects.faults import plain
 
 
 @dataclass(frozen=True)
@@ -145,7 +146,11 @@ class Appender:
         self._keys = Keys()
 
     def present(self) -> tuple[Keys, int]:
-        """The keys that are in the table now, and the number of the group's last transaction."""
+        """The keys that are in the table now, and the number of the group's last transaction.
+
+        Raises:
+            LakeError: The table cannot be read.
+        """
         if not self._lake.exists(self._group.table):
             return Keys(), 0
         delta = self._lake.delta(self._group.table)
@@ -225,6 +230,12 @@ def _keys(delta: DeltaTable, group: Group) -> Keys:
     """The keys of the group in a snapshot."""
     dataset = delta.to_pyarrow_dataset()
     keys = Keys()
-    for batch in dataset.to_batches(columns=[group.key], filter=group.condition):
-        keys.add(batch.column(0).to_numpy())
+    try:
+        for batch in dataset.to_batches(columns=[group.key], filter=group.condition):
+            keys.add(batch.column(0).to_numpy())
+    except (pa.ArrowException, OSError) as error:
+        raise LakeError(
+            f"table {group.table!r} cannot be read: {plain(error)}; look what is wrong with "
+            "`lmtr lake check`"
+        ) from error
     return keys

@@ -24,11 +24,14 @@ from services.lake.examination import (
 from services.lake.log import read_log
 from services.lake.schemas import IDENTITY, MADE_BY, SCHEMAS
 from services.lake.tables import Lake
+from services.objects.faults import plain
 
 SHOWN = 10
 """Rows that are named of all that break the same thing."""
 
 REPAIR = "run `lmtr lake repair`"
+
+BROKEN_ROWS = 'no repair changes such rows; see "Rows that break a rule" in docs/lake.md'
 
 
 @dataclass
@@ -80,6 +83,7 @@ class Inspection:
         damaged: Files that cannot be read or hold a row that its digest belies, and why.
         missing: Files that are not there.
         readable: Files that can be read.
+        opened: Whether the table could be opened.
     """
 
     table: str
@@ -89,6 +93,12 @@ class Inspection:
     damaged: dict[str, str] = field(default_factory=dict)
     missing: dict[str, int | None] = field(default_factory=dict)
     readable: list[str] = field(default_factory=list)
+    opened: bool = False
+
+    @property
+    def is_known(self) -> bool:
+        """Whether its rows are known, at least in part; of an empty table, that it has none."""
+        return bool(self.readable) or (self.opened and not self.damaged and not self.missing)
 
     def add(
         self, kind: str, says: str, mend: str, subjects: Iterable[str], count: int, most: int
@@ -127,8 +137,10 @@ def data_files(delta: DeltaTable) -> list[DataFile]:
 
 
 def readable_rows(lake: Lake, inspection: Inspection) -> pads.Dataset:
-    """The rows of all files that can be read."""
+    """The rows of all files that can be read; none of a table that is not there."""
     table = inspection.table
+    if not inspection.readable:
+        return pads.dataset(read_schema(table).empty_table())
     return pads.dataset(
         inspection.readable,
         schema=read_schema(table),
@@ -158,16 +170,29 @@ def inspect_table(
     try:
         listed = data_files(lake.delta(table))
     except LakeError as error:
-        found.add("table", "it can be opened", REPAIR, [str(error)], 1, most)
+        _add_unopened(found, error, most)
         return found
+    found.opened = True
     with Examiner(table) as examiner:
         for file in listed:
             _inspect_file(files, file, examiner, found, most, advance)
     if found.readable:
         for says, keys, count in _doubled(lake, found, most):
-            mend = f"see docs/lake.md; rows of {table} are added by `{MADE_BY[table]}` alone"
+            mend = f"{BROKEN_ROWS}; rows of {table} are added by `{MADE_BY[table]}` alone"
             found.add("identity", says, mend, keys, count, most)
     return found
+
+
+def _add_unopened(found: Inspection, error: LakeError, most: int) -> None:
+    """Say why a table cannot be opened; of a damaged log that is said already."""
+    says, cause = "it can be opened", error.__cause__
+    if found.findings:
+        found.add("table", says, REPAIR, ["not before its log is mended"], 1, most)
+    elif cause is not None:
+        found.add("table", says, REPAIR, [plain(cause)], 1, most)
+    else:  # its schema is of another version, and the error says what to do
+        reason, _, mend = str(error).rpartition("; ")
+        found.add("table", says, mend, [reason], 1, most)
 
 
 def _holds_files(lake: Lake, table: str) -> bool:
@@ -215,7 +240,7 @@ def _inspect_rows(batch: pa.Table, examiner: Examiner, found: Inspection, most: 
     found.undigested += len(examined.undigested)
     for broken in examined.broken:
         subjects = row_names(found.table, batch, broken.rows[:most])
-        mend = REPAIR if broken.kind == "digest" else f"see docs/lake.md, {broken.kind}"
+        mend = REPAIR if broken.kind == "digest" else BROKEN_ROWS
         found.add(broken.kind, broken.says, mend, subjects, len(broken.rows), most)
     return any(broken.kind == "digest" for broken in examined.broken)
 

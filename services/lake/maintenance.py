@@ -9,7 +9,7 @@ import pyarrow.fs as pafs
 
 from services.errors import LakeError
 from services.lake.delta import VERSION_KEY
-from services.lake.inspection import data_files, table_files
+from services.lake.inspection import DataFile, data_files, table_files
 from services.lake.log import FOLDER, read_log
 from services.lake.schemas import IDENTITY, SCHEMAS
 from services.lake.tables import Lake
@@ -71,6 +71,7 @@ def info(lake: Lake, table: str) -> TableInfo:
     """
     delta = lake.delta(table)
     listed, stored = data_files(delta), _stored(table_files(lake, table))
+    _require_files(table, listed, stored)
     entries = [each for each in stored if each.path.startswith(f"{FOLDER}/")]
     return TableInfo(
         table=table,
@@ -148,6 +149,15 @@ def remove(lake: Lake, table: str, unneeded: list[Unneeded]) -> None:
         files.delete_file(each.path)
 
 
+def _require_files(table: str, listed: list[DataFile], stored: list[pafs.FileInfo]) -> None:
+    gone = sorted({each.path for each in listed} - {each.path for each in stored})
+    if gone:
+        raise LakeError(
+            f"table {table!r}: {len(gone)} of its {len(listed)} data files are gone, {gone[0]} for "
+            "one; look what else is wrong with `lmtr lake check`"
+        )
+
+
 def _require_whole(table: str, faulty: bool) -> None:
     if faulty:
         raise LakeError(
@@ -218,5 +228,5 @@ def _told(commit: dict[str, Any]) -> dict[str, Any]:
         "operation": commit.get("operation", ""),
         "rows": None if rows is None or math.isnan(float(rows)) else int(rows),
         "by": commit.get("engineInfo") or commit.get("clientVersion") or "",
-        "notes": {key: value for key, value in commit.items() if key not in _KNOWN},
+        "notes": {key: commit[key] for key in sorted(commit) if key not in _KNOWN},
     }

@@ -20,7 +20,7 @@ from services.errors import LakeError
 from services.lake.examination import Examiner, file_batches
 from services.lake.inspection import data_files, inspect_table, table_files
 from services.lake.log import FOLDER, read_log
-from services.lake.schemas import IDENTITY, SCHEMAS
+from services.lake.schemas import IDENTITY, MADE_TOGETHER, SCHEMAS
 from services.lake.tables import Lake
 
 QUARANTINE = "_quarantine"
@@ -40,7 +40,8 @@ class Repair:
         missing: Data files that were gone, and the rows that the log says they had.
         taken_out: Rows of the files that were moved away, as far as the log says.
         salvaged: Rows that were added again from files outside the table.
-        refused: Rows in those files that the table lacks, but that are damaged.
+        refused: Rows in those files that the table lacks, but that are damaged or were made
+            together with one that is.
     """
 
     table: str
@@ -172,16 +173,59 @@ def _lacking(
     known = _Known(lake, done.table)
     with Examiner(done.table) as examiner:
         for path in sources:
+            spoiled = _spoiled(files, path, done.table, examiner)
             for batch in _readable_part(files, path, done.table):
-                new = known.unknown(batch)
-                broken = [b.rows for b in examiner.examine(batch).broken]
-                bad = np.zeros(len(batch), dtype=bool)
-                bad[np.concatenate([np.empty(0, dtype=np.int64), *broken])] = True
+                new, bad = known.unknown(batch), spoiled.holds(batch, examiner)
                 done.refused += int((new & bad).sum())
                 wanted = batch.filter(pa.array(new & ~bad))
                 wanted = known.take_in(wanted)
                 done.salvaged += wanted.num_rows
                 yield from wanted.cast(SCHEMAS[done.table]).to_batches()
+
+
+def _spoiled(files: pafs.FileSystem, path: str, table: str, examiner: Examiner) -> "_Spoiled":
+    """The pieces of work in a file whose rows are not all whole."""
+    keys = MADE_TOGETHER.get(table, ())
+    spoiled = _Spoiled(keys)
+    if not keys:
+        return spoiled
+    try:
+        for batch in file_batches(files, path, table):
+            spoiled.take_in(batch.filter(pa.array(_bad(batch, examiner))))
+    except (pa.ArrowException, OSError):
+        spoiled.all = True  # rows of any of them may be in the part that cannot be read
+    return spoiled
+
+
+class _Spoiled:
+    """Pieces of work that left more than one row, of which one is damaged.
+
+    A stage does such work again only where none of its rows is there. Were the whole ones kept, the
+    others would be missing for good.
+    """
+
+    def __init__(self, keys: tuple[str, ...]) -> None:
+        self._keys = keys
+        self._found: set[tuple[object, ...]] = set()
+        self.all = False
+
+    def take_in(self, rows: pa.Table) -> None:
+        """Remember whose rows these are."""
+        self._found.update(_tuples(rows, self._keys))
+
+    def holds(self, rows: pa.Table, examiner: Examiner) -> np.ndarray:
+        """Which rows are damaged, or were made together with one that is."""
+        if not self._keys:
+            return _bad(rows, examiner)
+        return np.array([self.all or each in self._found for each in _tuples(rows, self._keys)])
+
+
+def _bad(rows: pa.Table, examiner: Examiner) -> np.ndarray:
+    """Which rows are damaged."""
+    bad = np.zeros(len(rows), dtype=bool)
+    for broken in examiner.examine(rows).broken:
+        bad[broken.rows] = True
+    return bad
 
 
 def _readable_part(files: pafs.FileSystem, path: str, table: str) -> Iterator[pa.Table]:
@@ -190,6 +234,11 @@ def _readable_part(files: pafs.FileSystem, path: str, table: str) -> Iterator[pa
         yield from file_batches(files, path, table)
     except (pa.ArrowException, OSError):
         return
+
+
+def _tuples(rows: pa.Table, columns: tuple[str, ...]) -> list[tuple[object, ...]]:
+    """Values of some columns, row by row."""
+    return list(zip(*(rows[name].to_pylist() for name in columns), strict=True))
 
 
 class _Known:
@@ -216,4 +265,4 @@ class _Known:
         return rows.take(pa.array(first, pa.int64()))
 
     def _identities(self, rows: pa.Table) -> list[tuple[object, ...]]:
-        return list(zip(*(rows[key].to_pylist() for key in self._keys), strict=True))
+        return _tuples(rows, self._keys)

@@ -285,6 +285,14 @@ ADDED: dict[str, dict[int, tuple[str, ...]]] = {
 }
 """Columns that a version of a table's schema added to the one before, all nullable."""
 
+MADE_TOGETHER: dict[str, tuple[str, ...]] = {
+    "segments": ("dataset_id", "segmentation_id", "solution_index"),
+    "rollouts": ("evaluation_id",),
+}
+"""Columns that rows of one piece of work have in common, where it makes more than one row.
+
+It is done again only where none of its rows is there, so they must be there all or none."""
+
 MADE_BY: dict[str, str] = {
     "datasets": "lmtr generate",
     "solutions": "lmtr generate",

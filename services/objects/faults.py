@@ -55,6 +55,9 @@ _SIGNS: tuple[tuple[str, Fault], ...] = (
     ),
 )
 
+_FRAMES = re.compile(r"\n\s*(stack backtrace:|0: ).*", re.DOTALL)
+"""Where in the client's own program an error came up; it comes after what the error is."""
+
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 
 _LONGEST = 300
@@ -74,4 +77,4 @@ def plain(error: BaseException) -> str:
 
 def _words(error: BaseException) -> str:
     """What the client says, without its inner state, in which every word may occur."""
-    return _COLOUR.sub("", str(error)).partition("Debug source")[0]
+    return _FRAMES.sub("", _COLOUR.sub("", str(error))).partition("Debug source")[0]

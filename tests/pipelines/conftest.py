@@ -78,3 +78,13 @@ def tiny_home(tmp_path_factory, tiny_config) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         assert run_main(patch, "--home", home, "run", tiny_config) == 0
     return home
+
+
+@pytest.fixture(scope="session")
+def cut_home(tmp_path_factory, tiny_config) -> Path:
+    """A home in which the first two stages have run; copy it to change it."""
+    home = tmp_path_factory.mktemp("homes") / "cut"
+    with pytest.MonkeyPatch.context() as patch:
+        for stage in ("generate", "segment"):
+            assert run_main(patch, "--home", home, stage, "-c", tiny_config) == 0
+    return home

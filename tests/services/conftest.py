@@ -1,7 +1,5 @@
 """A home, a lake and rows for the tests of the services."""
 
-import subprocess
-import sys
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
@@ -72,21 +70,6 @@ def datasets() -> Callable[[list[str]], pa.Table]:
 def segments() -> Callable[[np.ndarray, np.ndarray], pa.Table]:
     """Rows of table ``segments`` by x (n, 35) and τ (n, 264)."""
     return make_segments
-
-
-@pytest.fixture
-def spawn() -> Callable[..., "subprocess.Popen[str]"]:
-    """Runs Python source in a process of its own."""
-
-    def start(source: str, *arguments: object) -> "subprocess.Popen[str]":
-        return subprocess.Popen(
-            [sys.executable, "-c", source, *map(str, arguments)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-
-    return start
 
 
 def make_solutions(
