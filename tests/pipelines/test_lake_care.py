@@ -15,11 +15,12 @@ from pipelines.lake_care.look import entry_names
 from pipelines.records import error_columns, to_json
 from services.home import Home
 from services.lake.appender import Appender, Group
+from services.lake.delta import VERSION_KEY
 from services.lake.digest import sealed
 from services.lake.log import entry_path
 from services.lake.migration import outdated
 from services.lake.schemas import SCHEMAS, SEGMENT_SIZE, TASK_SIZE
-from services.lake.tables import VERSION_KEY, Lake
+from services.lake.tables import Lake
 
 MADE = {"code_version": "0", "created_at": datetime(2026, 11, 22, tzinfo=UTC)}
 
