@@ -1,16 +1,24 @@
 """``lmtr lake`` as it is typed at a home that was damaged: found, mended, made again as it was."""
 
 import shutil
+from contextlib import suppress
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from services.home import Home
+from services.lake.digest import COLUMN, row_digests
+from services.lake.schemas import SCHEMAS
 from services.lake.tables import Lake
 
 ROWS = {
     "solutions": 'SELECT "index", digest FROM solutions ORDER BY ALL',
     "segments": "SELECT solution_index, epoch_s, goal_time_s, digest FROM segments ORDER BY ALL",
 }
+
+FEW_ROWS = 3
+"""Rows that a changed byte may spoil: a value that several share is stored once."""
 
 
 @pytest.fixture
@@ -35,10 +43,24 @@ def data_file(home, table):
     return home / "lake" / table / path
 
 
-def flip_a_byte(path):
-    content = bytearray(path.read_bytes())
-    content[len(content) // 2] ^= 0xFF
-    path.write_bytes(content)
+def flip_a_byte(path, table):
+    """Change a byte so that numbers of few rows are others, and the file can still be read.
+
+    Returns:
+        How many rows.
+    """
+    content = path.read_bytes()
+    for at in range(len(content) // 2, len(content), 101):
+        flipped = bytearray(content)
+        flipped[at] ^= 0xFF
+        with suppress(pa.ArrowException, OSError):
+            rows = pq.read_table(pa.BufferReader(bytes(flipped))).cast(SCHEMAS[table])
+            belied = zip(row_digests(table, rows), rows[COLUMN].to_pylist(), strict=True)
+            count = sum(digest != recorded for digest, recorded in belied)
+            if 0 < count <= FEW_ROWS:
+                path.write_bytes(flipped)
+                return count
+    return pytest.fail("no byte changes few rows alone")
 
 
 def contents(home):
@@ -56,20 +78,20 @@ def require_as_before(lmtr, at, cut_home):
         assert at("query", sql, "--format", "csv") == (0, before)
 
 
-def test_a_flipped_byte_costs_one_row_until_it_is_made_again(lmtr, at, home, cut_home):
+def test_a_flipped_byte_costs_its_rows_until_they_are_made_again(lmtr, at, home, cut_home):
     path = data_file(home, "solutions")
-    flip_a_byte(path)
+    count = flip_a_byte(path, "solutions")
     status, told = at("lake", "check")
     assert status == 1
     assert f"{path.name} holds rows that their digests belie" in told
-    assert "✗ solutions, digest: fails once: its numbers have its digest\n    dataset_id=" in told
+    assert "its numbers have its digest\n    dataset_id=" in told
     damaged = contents(home)
     status, told = at("lake", "repair", "--dry-run")
     assert status == 0
     assert f"{path.name} would go to _quarantine/" in told
     assert contents(home) == damaged
-    assert "solutions: 5 rows salvaged, 1 lost" in at("lake", "repair")[1]
-    assert "1 solved in" in at("generate")[1]
+    assert f"salvaged, {count} lost" in at("lake", "repair")[1]
+    assert f": {count} solved in" in at("generate")[1]
     require_as_before(lmtr, at, cut_home)
     assert set(at("lake", "repair")[1].splitlines()) == {
         f"{table}: nothing to repair" for table in ("datasets", "solutions", "cuts", "segments")
@@ -78,7 +100,7 @@ def test_a_flipped_byte_costs_one_row_until_it_is_made_again(lmtr, at, home, cut
 
 def test_segments_of_a_solution_are_salvaged_all_or_none(lmtr, at, home, cut_home):
     """Cutting goes on where a solution has no segment, so a rest would never be completed."""
-    flip_a_byte(data_file(home, "segments"))
+    flip_a_byte(data_file(home, "segments"), "segments")
     assert at("lake", "check")[0] == 1
     status, told = at("lake", "repair")
     assert status == 0
