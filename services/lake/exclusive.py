@@ -12,7 +12,7 @@ import socket
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
-from services.errors import StoreError
+from services.errors import LakeError, StoreError
 from services.lake.storage import Storage
 from services.objects.store import ObjectStore
 
@@ -40,6 +40,7 @@ def rewriting(storage: Storage, table: str) -> Iterator[bool]:
     hand: nobody else could tell for sure.
 
     Raises:
+        LakeError: The lock cannot be opened on this disk.
         StoreError: The object store cannot be reached or written to.
     """
     held = _held_in_store(storage, table) if storage.is_remote else _held_on_disk(storage, table)
@@ -49,7 +50,14 @@ def rewriting(storage: Storage, table: str) -> Iterator[bool]:
 
 @contextmanager
 def _held_on_disk(storage: Storage, table: str) -> Iterator[bool]:
-    with (storage.folder / table / LOCK).open("a", encoding="ascii") as file:
+    try:
+        file = (storage.folder / table / LOCK).open("a", encoding="ascii")
+    except OSError as error:
+        raise LakeError(
+            f"table {table!r}: its lock cannot be opened ({error.strerror or error}); check space "
+            f"and permissions of {lock_of(storage, table)}"
+        ) from error
+    with file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

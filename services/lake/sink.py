@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import pyarrow as pa
 
 from services.lake.appender import Appended, Appender, Group
+from services.lake.housekeeping import join_files
 from services.lake.storage import Storage
 from services.lake.tables import Lake
 
@@ -54,5 +55,5 @@ class TableSink:
         appended = self._appender.append(pa.concat_tables(tables), metadata)
         self._commits += 1
         if self._commits % COMPACT_EVERY == 0:
-            self._lake.compact(self._group.table)
+            join_files(self._lake, self._group.table)
         return Receipt(appended, time.monotonic() - began, time.process_time())
