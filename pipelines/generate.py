@@ -29,6 +29,7 @@ from services.cache import machine_cache
 from services.cluster.delivery import Note
 from services.lake.appender import Appender, Group
 from services.lake.digest import sealed
+from services.lake.housekeeping import join_files
 from services.lake.once import append_once
 from services.lake.schemas import SCHEMAS
 
@@ -145,7 +146,7 @@ def generate(
                 f"{config.dataset.solutions}`, or the same command"
             )
             raise
-        lake.compact("solutions")
+        join_files(lake, "solutions")
     say(f"generate: {dataset_id}: {tally.result()}; table version {lake.version('solutions')}")
     return dataset_id
 

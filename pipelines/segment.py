@@ -23,6 +23,7 @@ from pipelines.workspace import Workspace
 from services.cluster.delivery import Note, Trouble
 from services.lake.appender import Group
 from services.lake.digest import sealed
+from services.lake.housekeeping import join_files
 from services.lake.once import append_once
 from services.lake.schemas import SCHEMAS
 from services.lake.sink import Receipt
@@ -134,7 +135,7 @@ def segment(config: Configuration, workspace: Workspace, dataset_id: str) -> Non
         tally = CutTally()
         complete = produce(workspace, _plan(config, workspace, dataset_id), tally)
         if tally.segments:
-            lake.compact("segments")
+            join_files(lake, "segments")
     total = (
         lake.query_value(f"SELECT count(*) FROM segments WHERE {selection(dataset_id, cut)}")
         if lake.exists("segments")

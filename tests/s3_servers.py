@@ -170,22 +170,33 @@ def dropping_conditions(server: S3Server) -> Iterator[S3Server]:
 
     class Proxy(BaseHTTPRequestHandler):
         def answer(self) -> None:
-            body = self.rfile.read(int(self.headers.get("Content-Length", 0)))
             kept = {k: v for k, v in self.headers.items() if k.lower() != "if-none-match"}
-            request = urllib.request.Request(
-                server.endpoint + self.path, body or None, kept, method=self.command
-            )
-            try:
-                reply = DIRECT.open(request)
-            except urllib.error.HTTPError as error:
-                reply = error
-            content = reply.read()
-            _reply(self, reply.status, content, dict(reply.headers))
+            _reply(self, *_passed_on(self, server, kept))
 
         do_GET = do_PUT = do_POST = do_DELETE = do_HEAD = answer
 
     with _served(Proxy) as endpoint:
         yield S3Server(endpoint)
+
+
+@contextmanager
+def losing_an_answer(server: S3Server, name: str) -> Iterator[S3Server]:
+    """The same store behind a gateway that loses one answer: to the first write of an object."""
+    lost = []
+
+    class Gateway(BaseHTTPRequestHandler):
+        def answer(self) -> None:
+            answer = _passed_on(self, server, dict(self.headers))
+            if self.command == "PUT" and self.path.partition("?")[0].endswith(name) and not lost:
+                lost.append(answer)
+                answer = (502, b"", {})
+            _reply(self, *answer)
+
+        do_GET = do_PUT = do_POST = do_DELETE = do_HEAD = answer
+
+    with _served(Gateway) as endpoint:
+        yield S3Server(endpoint)
+    assert lost, f"{name} was never written"
 
 
 @contextmanager
@@ -219,6 +230,23 @@ def free_port() -> int:
 
 DIRECT = urllib.request.build_opener(urllib.request.ProxyHandler({}))
 """What opens URLs without the proxy that the environment may name."""
+
+
+def _passed_on(
+    handler: BaseHTTPRequestHandler, server: S3Server, headers: dict[str, str]
+) -> tuple[int, bytes, dict[str, str]]:
+    """What the server answers to a request with these headers: status, content, headers."""
+    body = handler.rfile.read(int(handler.headers.get("Content-Length", 0)))
+    # Without a type urllib calls every body a form, and moto then takes it for parameters.
+    typed = {"Content-Type": "application/octet-stream"} | headers
+    request = urllib.request.Request(
+        server.endpoint + handler.path, body or None, typed, method=handler.command
+    )
+    try:
+        reply = DIRECT.open(request)
+    except urllib.error.HTTPError as error:
+        reply = error
+    return reply.status, reply.read(), dict(reply.headers)
 
 
 def _reply(

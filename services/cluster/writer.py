@@ -1,5 +1,6 @@
 """The writer of a delivery line: one actor beside the driver, replaced if it dies."""
 
+import logging
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from ray.actor import ActorHandle
 from ray.exceptions import RayError, RayTaskError
 from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
-from services.cluster.batches import Parcel, Waiting
+from services.cluster.batches import LogCatcher, Parcel, Waiting
 from services.cluster.delivery import Receipt, Sink
 from services.cluster.worker import SINGLE_THREADED, described
 from services.errors import ClusterError, ServiceError
@@ -21,20 +22,30 @@ DEATHS = 5
 FETCH_S = 120.0
 """So long the writer waits for a payload from another host (s)."""
 
+logger = logging.getLogger("writer")
+
 
 class Writer:
     """The actor: a sink in a process of its own."""
 
     def __init__(self) -> None:
         self._sink: Sink | None = None
+        self._logs = LogCatcher()
+        logging.getLogger().addHandler(self._logs)
+        logging.captureWarnings(True)
 
     def commit(
         self,
         make_sink: Callable[[], Sink],
         payloads: Sequence[ray.ObjectRef],
         metadata: Mapping[str, str],
-    ) -> tuple[Receipt | None, list[int]]:
-        """Keep payloads; returns the receipt, and positions of those that are nowhere any more."""
+    ) -> tuple[Receipt | None, list[int], tuple[str, ...]]:
+        """Keep payloads.
+
+        Returns:
+            The receipt, positions of payloads that are nowhere any more, and warnings that were
+            logged.
+        """
         if self._sink is None:
             self._sink = make_sink()
         found, lost = [], []
@@ -45,7 +56,8 @@ class Writer:
                 raise
             except RayError:
                 lost.append(position)
-        return (self._sink(found, metadata) if found else None), lost
+        receipt = self._sink(found, metadata) if found else None
+        return receipt, lost, self._logs.drained()
 
 
 @dataclass(frozen=True)
@@ -127,7 +139,7 @@ class WriterSeat:
             ClusterError: No writer can work.
         """
         try:
-            receipt, lost = ray.get(reference)
+            receipt, lost, logs = ray.get(reference)
         except RayTaskError as error:
             if isinstance(error.cause, ServiceError):
                 raise error.cause from error
@@ -146,6 +158,8 @@ class WriterSeat:
             self.start()
             self._send()
             return None
+        for line in logs:
+            logger.warning("the writer says: %s", line)
         parcels, self.parcels, self._reference, self._deaths = self.parcels, [], None, 0
         gone = [parcels[position] for position in lost]
         items = sum(len(parcel.items) for parcel in parcels)

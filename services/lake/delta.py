@@ -10,6 +10,7 @@ from deltalake import CommitProperties, DeltaTable, Transaction, write_deltalake
 from deltalake.exceptions import CommitFailedError, DeltaError, TableNotFoundError
 
 from services.errors import LakeError
+from services.lake.durable import make_durable
 from services.lake.sandbox import absent
 from services.lake.schemas import SCHEMAS, older_versions, version_of
 from services.lake.storage import Storage
@@ -39,6 +40,7 @@ class DeltaTables:
 
     def __init__(self, storage: Storage) -> None:
         self.storage = storage
+        self._durable: dict[str, int] = {}
 
     def tables(self) -> list[str]:
         """Names of the tables that are there."""
@@ -142,6 +144,8 @@ class DeltaTables:
     ) -> None:
         """Append rows as a transaction to an opened table, which moves on to the new version.
 
+        On a disk of this machine the rows outlast a power cut from then on.
+
         Raises:
             CommitFailedError: Another writer has used the transaction's name since the table was
                 opened.
@@ -158,6 +162,22 @@ class DeltaTables:
             raise
         except (DeltaError, OSError) as error:
             raise self.unwritable(table, error) from error
+        self.settle(table, delta)
+
+    def settle(self, table: str, delta: DeltaTable) -> None:
+        """Make the version that an opened table is at outlast a power cut; a store does so itself.
+
+        Raises:
+            LakeError: The disk refuses, and whether the version is there to stay is not known.
+        """
+        if self.storage.is_remote:
+            return
+        version = delta.version()
+        try:
+            make_durable(self.storage.folder / table, version, self._durable.get(table))
+        except (OSError, ValueError) as error:
+            raise self.unwritable(table, error) from error
+        self._durable[table] = version
 
     def _made(self, table: str) -> DeltaTable:
         if not self.exists(table):

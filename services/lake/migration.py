@@ -43,6 +43,7 @@ def migrate(lake: Lake, table: str) -> list[str]:
         # delta-rs says "already exists" to the slower one of two that add the same column.
         with suppress(CommitFailedError, DeltaError):
             added += _step(table, delta)
+            lake.settle(table, delta)
     raise LakeError(
         f"table {table!r}: {CONFLICT_RETRIES} tries to migrate it failed; stop other writers, see "
         "whether the disk is full or read-only, and run `lmtr lake migrate` again"

@@ -1,5 +1,6 @@
 """Where workers' rows end: a writer that appends them to one group of a table."""
 
+import threading
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -7,6 +8,7 @@ from dataclasses import dataclass
 import pyarrow as pa
 
 from services.lake.appender import Appended, Appender, Group
+from services.lake.housekeeping import join_files
 from services.lake.storage import Storage
 from services.lake.tables import Lake
 
@@ -43,6 +45,7 @@ class TableSink:
         self._group = group
         self._appender = Appender(self._lake, group, since)
         self._commits = 0
+        self._joining: threading.Thread | None = None
 
     def __call__(self, tables: Sequence[pa.Table], metadata: Mapping[str, str]) -> Receipt:
         """Append the rows of some tables in one transaction.
@@ -54,5 +57,17 @@ class TableSink:
         appended = self._appender.append(pa.concat_tables(tables), metadata)
         self._commits += 1
         if self._commits % COMPACT_EVERY == 0:
-            self._lake.compact(self._group.table)
+            self._join_files()
         return Receipt(appended, time.monotonic() - began, time.process_time())
+
+    def _join_files(self) -> None:
+        """Join small files beside the commits, which go on: joining a gigabyte takes seconds.
+
+        A process that ends meanwhile leaves files that no version names, for `lmtr lake vacuum`.
+        """
+        if self._joining is not None and self._joining.is_alive():
+            return
+        of_its_own = Lake(self._lake.storage)
+        work = (of_its_own, self._group.table)
+        self._joining = threading.Thread(target=join_files, args=work, daemon=True)
+        self._joining.start()

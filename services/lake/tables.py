@@ -186,10 +186,12 @@ class Lake(DeltaTables):
                     f"table {table!r}: another process replaces its files; wait until it is done "
                     f"(its lock: {lock_of(self.storage, table)})"
                 )
+            delta = self.delta(table)
             try:
-                done = self.delta(table).delete(where, commit_properties=retried())
+                done = delta.delete(where, commit_properties=retried())
             except (DeltaError, OSError) as error:
                 raise self.unwritable(table, error) from error
+            self.settle(table, delta)
         return int(done["num_deleted_rows"])
 
     def compact(self, table: str) -> bool:
@@ -210,6 +212,7 @@ class Lake(DeltaTables):
                 delta.create_checkpoint()
             except (DeltaError, OSError) as error:
                 raise self.unwritable(table, error) from error
+            self.settle(table, delta)
         return True
 
     def _append_once(self, table: str, rows: pa.Table, transaction: Transaction) -> bool:

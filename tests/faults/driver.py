@@ -1,13 +1,16 @@
 """The command line as a process that faults befall, and the data set that must come of it."""
 
+import json
 import os
 import signal
 import subprocess
 import sys
 import time
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import psutil
 import pyarrow as pa
@@ -65,6 +68,15 @@ def lmtr(*words: object) -> subprocess.CompletedProcess[str]:
 class Driver:
     """``lmtr generate`` as a process; whatever still runs of it ends with the block.
 
+    Args:
+        home: The home that it fills.
+        config: Its configuration.
+        options: Further words of the command.
+        workers: So many workers.
+        before: What the command is run by.
+        environment: Variables that it has besides.
+        command: Another program that generates, in the place of all words.
+
     Attributes:
         pid: Number of its process.
         home: The home that it fills.
@@ -73,17 +85,18 @@ class Driver:
     def __init__(
         self,
         home: Path,
-        config: Path,
+        config: Path | None,
         *options: object,
         workers: int = 2,
         before: Sequence[str] = (),
         environment: Mapping[str, str] | None = None,
+        command: Sequence[str] = (),
     ) -> None:
-        command = arguments("--home", home, "generate", "-c", config, "--workers", workers)
+        words = ("--home", home, "generate", "-c", config, "--workers", workers)
         self.home = home
         self._seen: dict[int, psutil.Process] = {}
         self._process = subprocess.Popen(
-            [*before, *command, *map(str, options)],
+            [*before, *(command or arguments(*words)), *map(str, options)],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -162,6 +175,17 @@ def rows(home: Path) -> pa.Table:
     """Identity, numbers and digests of all rows, by index."""
     columns = [*digested_columns("solutions"), "digest"]
     return _lake(home).read("solutions", columns, order_by='"index"').combine_chunks()
+
+
+def history(home: Path) -> list[dict[str, Any]]:
+    """The commits of the solutions' table, newest first."""
+    return _lake(home).history("solutions")
+
+
+def mended(home: Path) -> Counter[str]:
+    """What the last run says in the table's history that went wrong and was mended."""
+    noted = [entry["lmtr.mended"] for entry in history(home) if "lmtr.mended" in entry]
+    return Counter(json.loads(noted[0]))
 
 
 def require_equal(made: pa.Table, reference: pa.Table) -> None:

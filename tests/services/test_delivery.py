@@ -350,6 +350,23 @@ def test_warnings_of_workers_come_once_and_then_by_count(two, tmp_path, caplog):
     assert "times more: solver: item # took long" in said[1]
 
 
+def test_warnings_of_the_writer_reach_the_user(cluster, tmp_path, caplog):
+    path = tmp_path / "kept"
+    keep = file_sink(path)
+
+    def make_sink():
+        sink = keep()
+
+        def warn_and_keep(payloads, metadata):
+            logging.getLogger("sink").warning("there is something about %s", path.name)
+            return sink(payloads, metadata)
+
+        return warn_and_keep
+
+    list(cluster.deliver(order(path, range(3), squares(), make_sink=make_sink)))
+    assert "there is something about kept" in caplog.text
+
+
 def test_batches_fit_the_pace_and_shrink_towards_the_end():
     sizer = Sizer(Rhythm(batch_seconds=2.0), workers=4)
     assert sizer.size("fast", 1000) == 1

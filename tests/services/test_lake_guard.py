@@ -1,10 +1,12 @@
 """Queries reach nothing but the lake's tables, although DuckDB may open their files."""
 
+import duckdb
 import numpy as np
 import pyarrow as pa
 import pytest
 
 from services.errors import LakeError
+from services.lake.guard import INFORMATION, SYSTEM
 from services.lake.queries import query
 from services.lake.schemas import SCHEMAS
 from services.lake.tables import Lake
@@ -74,6 +76,15 @@ def contents(lake: Lake) -> dict[str, bytes]:
         "FROM query('SELECT 1')",
         "SELECT (SELECT max(content) FROM read_text('{0}'))",
         "PRAGMA version",
+        "FROM pg_settings",
+        "FROM PG_Settings",
+        "FROM pg_catalog.pg_settings",
+        "FROM duckdb_logs",
+        "FROM sqlite_master",
+        "WITH pg_settings AS (FROM pg_settings) FROM pg_settings",
+        "EXPLAIN FROM pg_settings",
+        "EXPLAIN/**/COPY (SELECT 1) TO '{0}' (USE_TMP_FILE false)",
+        "EXPLAIN (ANALYZE)/*)*/COPY (SELECT 1) TO '{0}' (USE_TMP_FILE false)",
         "SET threads = 1",
         "CREATE MACRO m() AS 1",
         "PIVOT datasets ON robot USING count(*)",
@@ -86,6 +97,43 @@ def test_nothing_but_tables_is_reached(filled, sql):
         query(filled, sql.format(path))
     assert "\n" not in str(caught.value)
     assert contents(filled) == before
+
+
+@pytest.mark.parametrize(
+    "sql",
+    [
+        "EXPLAIN/**/SELECT seed FROM datasets",
+        "/* ü */EXPLAIN--\nSELECT seed FROM datasets",
+        "EXPLAIN/* ü */ANALYZE/**/SELECT seed FROM datasets",
+        "explain (format/*)*/json, analyze) SELECT seed FROM datasets",
+        "EXPLAIN (SELECT seed FROM datasets)",
+        "SHOW TABLES",
+        "SHOW ALL TABLES",
+        "FROM (SHOW TABLES)",
+        "DESCRIBE datasets",
+        "SUMMARIZE datasets",
+        "DESCRIBE SELECT * FROM accepted_by_distance",
+        "FROM memory.main.datasets",
+        "WITH RECURSIVE r AS (SELECT 1 n UNION ALL SELECT n + 1 FROM r WHERE n < 3) FROM R",
+        "SELECT (WITH a AS (SELECT 1 b) SELECT b FROM a) FROM datasets",
+    ],
+)
+def test_what_only_reads_is_run(filled, sql):
+    assert query(filled, sql).num_rows
+
+
+def test_the_information_schema_lists_tables_and_views(filled):
+    listed = query(filled, "SELECT table_name FROM information_schema.tables")
+    assert {"datasets", "solutions", "segments_overview"} <= set(listed["table_name"].to_pylist())
+
+
+def test_no_with_clause_can_stand_for_a_relation_of_duckdb():
+    sql = "SELECT schema_name, view_name FROM duckdb_views() WHERE internal"
+    with duckdb.connect(":memory:") as connection:
+        built_in = connection.execute(sql).fetchall()
+    others = [name for schema, name in built_in if schema != INFORMATION]
+    assert others
+    assert [name for name in others if not SYSTEM.match(name)] == []
 
 
 def test_a_with_clause_may_take_the_name_of_a_table(filled):
