@@ -208,8 +208,10 @@ def simulate(nodes: int, writers: int, writer: Writer, duration: float = 600.0) 
 
 
 def _table(loads: list[Load], writer: Writer) -> Table:
+    """Loads and what they cost; files are joined by a thread beside each writer's commits."""
     table = Table(
-        "nodes", "writers", "made /s", "kept /s", "writer busy", "rows a commit", "commits /h",
+        "nodes", "writers", "made /s", "kept /s", "writer busy", "joining", "rows a commit",
+        "commits /h",
         "log MB /day", "TB /day", "$ a million", "of it requests",
     )  # fmt: skip
     for load in loads:
@@ -223,6 +225,7 @@ def _table(loads: list[Load], writer: Writer) -> Table:
             f"{load.produced:,.0f}",
             f"{load.kept:,.0f}",
             f"{load.busy:.0%}",
+            f"{load.kept / load.writers * writer.row_bytes / writer.join_bytes_s:.0%}",
             f"{load.rows:,.0f}",
             f"{load.commits:,.0f}",
             f"{24 * load.commits * writer.entry_bytes / 1e6:,.0f}",
