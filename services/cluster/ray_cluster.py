@@ -33,7 +33,8 @@ HEALTH = {
     "RAY_grpc_client_keepalive_time_ms": "5000",
     "RAY_grpc_client_keepalive_timeout_ms": "5000",
 }
-"""A host that falls silent is noticed after half a minute; with Ray's defaults it takes seven.
+"""A host that falls silent is noticed after some ten seconds: three checks, a second apart, are not
+answered within two. With Ray's defaults (five, three, ten) it takes more than a minute.
 
 Every process of a cluster must have these, so a cluster that is joined sets them on its hosts.
 """
