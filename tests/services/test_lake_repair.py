@@ -7,7 +7,7 @@ import pytest
 
 from services.errors import LakeError
 from services.lake import repair
-from services.lake.inspection import inspect_table
+from services.lake.inspection import data_files, inspect_table
 from services.lake.log import HINT, checkpoint_path, entry_path
 from services.lake.repair import QUARANTINE, repair_table
 from services.lake.schemas import SCHEMAS
@@ -225,3 +225,20 @@ def test_tables_without_digests_are_salvaged_by_their_rules(lake, datasets):
     assert done.salvaged == 2
     assert lake.read("datasets").schema.equals(SCHEMAS["datasets"])
     assert sorted(lake.read("datasets")["dataset_id"].to_pylist()) == ["a", "b", "c"]
+
+
+@pytest.mark.parametrize("torn", [True, False])
+def test_what_describes_itself_again_after_a_repair_is_there_once(lake, datasets, torn):
+    for name in "abc":
+        lake.append_rows("datasets", datasets([name]).to_pylist(), app_id=f"datasets/{name}")
+    if torn:
+        (lake.storage.folder / "datasets" / entry_path(3)).write_bytes(b"{")
+    else:
+        (file,) = {f.path for f in data_files(lake.delta("datasets"))} - {
+            f.path for f in data_files(lake.delta("datasets", 2))
+        }
+        (lake.storage.folder / "datasets" / file).unlink()
+    assert repair_table(lake, "datasets").lost == (0 if torn else 1)
+    for name in "abc":
+        lake.append_rows("datasets", datasets([name]).to_pylist(), app_id=f"datasets/{name}")
+    assert sorted(lake.values("datasets", "dataset_id")) == ["a", "b", "c"]
