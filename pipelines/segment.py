@@ -22,6 +22,7 @@ from pipelines.workspace import Workspace
 from services.cluster.delivery import Note, Trouble
 from services.lake.appender import Group
 from services.lake.digest import sealed
+from services.lake.queries import query
 from services.lake.schemas import SCHEMAS
 from services.lake.sink import Receipt
 from services.lake.tables import Lake
@@ -210,18 +211,20 @@ def selection(dataset_id: str, segmentation_id: str) -> str:
 
 
 def _require_accepted(workspace: Workspace, dataset_id: str) -> None:
-    where = f"dataset_id = '{dataset_id}'"
-    verdicts = workspace.lake.values("solutions", "accepted", where)
-    if any(verdicts):
+    lake, where = workspace.lake, f"dataset_id = '{dataset_id}'"
+    counts = f"SELECT count(*) AS made, count_if(accepted) AS kept FROM solutions WHERE {where}"
+    (found,) = query(lake, counts).to_pylist()
+    if found["kept"]:
         return
-    reasons = Counter(
-        reason
-        for found in workspace.lake.values("solutions", "reject_reasons", where)
-        for reason in found
+    reasons = query(
+        lake,
+        "SELECT reason, count(*) AS times FROM (SELECT unnest(reject_reasons) AS reason, "
+        f"generate_subscripts(reject_reasons, 1) AS place FROM solutions WHERE {where}) "
+        "GROUP BY reason ORDER BY times DESC, min(place), reason LIMIT 3",
     )
-    why = ", ".join(f"{reason} {count}" for reason, count in reasons.most_common(3))
+    why = ", ".join(f"{each['reason']} {each['times']}" for each in reasons.to_pylist())
     raise DataError(
-        f"data set {dataset_id!r}: none of its {len(verdicts)} solutions is accepted ({why}); "
+        f"data set {dataset_id!r}: none of its {found['made']} solutions is accepted ({why}); "
         "change [expert] or [quality], or generate more"
     )
 

@@ -11,6 +11,7 @@ from services.errors import LakeError
 from services.lake.delta import VERSION_KEY
 from services.lake.inspection import data_files, table_files
 from services.lake.log import FOLDER, read_log
+from services.lake.sandbox import evaluated
 from services.lake.schemas import IDENTITY, SCHEMAS
 from services.lake.tables import Lake
 
@@ -188,8 +189,9 @@ def _stored(files: pafs.FileSystem) -> list[pafs.FileInfo]:
 def _rows_by_dataset(lake: Lake, table: str) -> dict[str, int]:
     if "dataset_id" not in SCHEMAS[table].names or IDENTITY[table] == ("dataset_id",):
         return {}
-    counts = lake.read(table, ["dataset_id"])["dataset_id"].value_counts().to_pylist()
-    return {each["values"]: each["counts"] for each in sorted(counts, key=lambda c: c["values"])}
+    sql = f"SELECT dataset_id, count(*) FROM {table} GROUP BY ALL ORDER BY ALL"
+    with evaluated(lake.sources(), sql) as relation:
+        return dict(relation.fetchall())
 
 
 _KNOWN = frozenset(
