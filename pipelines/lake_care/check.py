@@ -132,11 +132,17 @@ def _told(done: Repair, dry_run: bool) -> list[str]:
             if done.version >= 0
             else "no version of its log is whole: it is made anew from its files"
         )
+    if done.lost_until is not None and done.lost_until > (done.version or 0):
+        lines.append(f"versions from there to {done.lost_until} are lost, and their numbers too")
     lines += [f"{path} {verb} to {QUARANTINE}/: it {why}" for path, why in done.files.items()]
     lines += [f"{path} was gone, with {rows} rows" for path, rows in done.missing.items()]
     if dry_run:
         return lines
     lines.append(f"{done.salvaged} rows salvaged, {done.lost} lost, {done.refused} damaged ones")
-    if done.lost or done.refused or done.log_files:
+    if done.recut:
+        lines.append(
+            f"{done.recut} more rows taken out: others that are made together with them are lost"
+        )
+    if done.lost or done.recut or done.refused or done.log_files:
         lines.append(f"`{MADE_BY[done.table]}` makes what is missing again, with the same numbers")
     return lines

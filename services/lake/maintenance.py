@@ -1,13 +1,14 @@
 """What a table takes up, how it came about, and the removal of files that nothing refers to."""
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pyarrow.fs as pafs
 
-from services.errors import LakeError
+from services.errors import LakeError, LostVersionError
 from services.lake.delta import VERSION_KEY
 from services.lake.inspection import data_files, table_files
 from services.lake.log import FOLDER, read_log
@@ -128,10 +129,10 @@ def forgotten(
     """
     files = table_files(lake, table)
     _require_whole(table, bool(read_log(files).faults))
-    latest = lake.version(table)
-    kept: set[str] = set()
-    for version in {latest, *pinned_versions(lake, table)}:
-        kept |= {file.path for file in data_files(lake.delta(table, version))}
+    kept = {file.path for file in data_files(lake.delta(table))}
+    for version in pinned_versions(lake, table):
+        with suppress(LostVersionError):  # nothing of it can be kept
+            kept |= {file.path for file in data_files(lake.delta(table, version))}
     return _unmentioned(files, frozenset(kept), grace, now)
 
 

@@ -271,6 +271,14 @@ IDENTITY: dict[str, tuple[str, ...]] = {
 }
 """Columns that tell a row from all others."""
 
+MADE_TOGETHER: dict[str, tuple[str, ...]] = {
+    "segments": ("dataset_id", "segmentation_id", "solution_index")
+}
+"""Columns of which rows with the same values are all made at once, or not at all.
+
+They lead the columns of their table, so that Delta's log has their bounds for each file.
+"""
+
 FINITE: dict[str, tuple[str, ...]] = {"segments": ("x", "tau")}
 """Columns that must hold no NaN and no infinity: one would spoil a whole training."""
 

@@ -45,7 +45,10 @@ class Lake(DeltaTables):
         self._recent = Recent(self)
 
     def append(self, table: str, rows: pa.Table, *, app_id: str, number: int) -> bool:
-        """Append a batch as transaction ``number`` of ``app_id``.
+        """Append a batch as transaction ``number`` of ``app_id``; its rows are not looked at.
+
+        A table that lost its log in part remembers fewer transactions: rows that may be in already
+        are for :meth:`append_rows` and :class:`~services.lake.appender.Appender`.
 
         Args:
             table: Name of the table.
