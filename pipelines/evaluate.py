@@ -27,7 +27,6 @@ from pipelines.registry import Registered, load, models
 from pipelines.sections import EvaluationSection
 from pipelines.turns import beside_others
 from pipelines.workspace import Workspace
-from services.lake.once import append_once
 from services.lake.tables import Lake
 
 EXPERIMENT = "evaluation"
@@ -202,7 +201,7 @@ class _Recorder:
         lake = self.workspace.lake
         run_id = self._log(trial, tried, metrics)
         rows = [self._rollout_row(trial, rollout) for rollout in tried.rollouts]
-        append_once(lake, "rollouts", rows, f"rollouts/{trial.evaluation_id}")
+        lake.append_rows("rollouts", rows, app_id=f"rollouts/{trial.evaluation_id}")
         row = {
             "evaluation_id": trial.evaluation_id,
             "dataset_id": self.data.dataset_id,
@@ -219,7 +218,7 @@ class _Recorder:
             "code_version": code_version(),
             "created_at": records.now(),
         }
-        append_once(lake, "evaluations", [row], f"evaluations/{trial.evaluation_id}")
+        lake.append_rows("evaluations", [row], app_id=f"evaluations/{trial.evaluation_id}")
 
     def _log(self, trial: Trial, tried: Tried, metrics: dict[str, float]) -> str:
         """Log one run of the tracker; returns its id."""

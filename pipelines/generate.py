@@ -30,7 +30,6 @@ from services.cluster.delivery import Note
 from services.lake.appender import Appender, Group
 from services.lake.digest import sealed
 from services.lake.housekeeping import join_files
-from services.lake.once import append_once
 from services.lake.schemas import SCHEMAS
 
 
@@ -215,4 +214,4 @@ def _register(config: Configuration, workspace: Workspace) -> None:
         "code_version": code_version(),
         "created_at": records.now(),
     }
-    append_once(workspace.lake, "datasets", [row], f"datasets/{config.dataset_id}")
+    workspace.lake.append_rows("datasets", [row], app_id=f"datasets/{config.dataset_id}")

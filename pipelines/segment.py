@@ -24,7 +24,7 @@ from services.cluster.delivery import Note, Trouble
 from services.lake.appender import Group
 from services.lake.digest import sealed
 from services.lake.housekeeping import join_files
-from services.lake.once import append_once
+from services.lake.queries import query
 from services.lake.schemas import SCHEMAS
 from services.lake.sink import Receipt
 from services.lake.tables import Lake
@@ -210,7 +210,7 @@ def _register(config: Configuration, workspace: Workspace, dataset_id: str) -> N
         "created_at": records.now(),
     }
     app_id = f"cuts/{dataset_id}/{config.segmentation_id}"
-    append_once(workspace.lake, "cuts", [row], app_id)
+    workspace.lake.append_rows("cuts", [row], app_id=app_id)
 
 
 def selection(dataset_id: str, segmentation_id: str) -> str:
@@ -219,18 +219,20 @@ def selection(dataset_id: str, segmentation_id: str) -> str:
 
 
 def _require_accepted(workspace: Workspace, dataset_id: str) -> None:
-    where = f"dataset_id = '{dataset_id}'"
-    verdicts = workspace.lake.values("solutions", "accepted", where)
-    if any(verdicts):
+    lake, where = workspace.lake, f"dataset_id = '{dataset_id}'"
+    counts = f"SELECT count(*) AS made, count_if(accepted) AS kept FROM solutions WHERE {where}"
+    (found,) = query(lake, counts).to_pylist()
+    if found["kept"]:
         return
-    reasons = Counter(
-        reason
-        for found in workspace.lake.values("solutions", "reject_reasons", where)
-        for reason in found
+    reasons = query(
+        lake,
+        "SELECT reason, count(*) AS times FROM (SELECT unnest(reject_reasons) AS reason, "
+        f"generate_subscripts(reject_reasons, 1) AS place FROM solutions WHERE {where}) "
+        "GROUP BY reason ORDER BY times DESC, min(place), reason LIMIT 3",
     )
-    why = ", ".join(f"{reason} {count}" for reason, count in reasons.most_common(3))
+    why = ", ".join(f"{each['reason']} {each['times']}" for each in reasons.to_pylist())
     raise DataError(
-        f"data set {dataset_id!r}: none of its {len(verdicts)} solutions is accepted ({why}); "
+        f"data set {dataset_id!r}: none of its {found['made']} solutions is accepted ({why}); "
         "change [expert] or [quality], or generate more"
     )
 

@@ -21,7 +21,6 @@ from pipelines.provenance import code_version
 from pipelines.registry import is_trained
 from pipelines.turns import beside_others
 from pipelines.workspace import Workspace
-from services.lake.once import append_once
 
 EXPERIMENT = "training"
 
@@ -141,7 +140,7 @@ def _record(
         "code_version": code_version(),
         "created_at": records.now(),
     }
-    append_once(workspace.lake, "models", [row], f"models/{job.model_id}")
+    workspace.lake.append_rows("models", [row], app_id=f"models/{job.model_id}")
 
 
 def _metrics(model: TrainedModel) -> dict[str, float]:

@@ -20,6 +20,10 @@ class LakeError(ServiceError):
     """A table is missing, a row breaks its schema, or a query is not allowed."""
 
 
+class LostVersionError(LakeError):
+    """A version of a table can never be read again; another one has to be chosen."""
+
+
 class OutputError(ServiceError):
     """A file that was asked for cannot be written."""
 

@@ -169,6 +169,8 @@ def _told(done: Repair, dry_run: bool) -> list[str]:
         )
     if dry_run and done.log_files:
         lines.append("its data files can be judged only when its log is mended")
+    if done.lost_until is not None and done.lost_until > (done.version or 0):
+        lines.append(f"versions from there to {done.lost_until} are lost, and their numbers too")
     lines += [f"{path} {verb} to {QUARANTINE}/: it {why}" for path, why in done.files.items()]
     lines += [f"{path} is gone, {_rows_of(rows)}" for path, rows in done.missing.items()]
     if dry_run:
@@ -178,10 +180,11 @@ def _told(done: Repair, dry_run: bool) -> list[str]:
         return lines
     lines.append(f"{counted(done.salvaged, 'row')} salvaged, {done.lost} lost")
     if done.refused:
-        lines.append(
-            f"{counted(done.refused, 'row')} left out: damaged, or made together with a damaged one"
-        )
-    if done.lost or done.refused or done.log_files:
+        lines.append(f"{counted(done.refused, 'damaged row')} left out")
+    if done.recut:
+        rows = counted(done.recut, "more row")
+        lines.append(f"{rows} taken out: others that are made together with them are lost")
+    if done.lost or done.recut or done.refused or done.log_files:
         lines.append(f"`{MADE_BY[done.table]}` makes what is missing again, with the same numbers")
     return lines
 

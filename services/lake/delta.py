@@ -6,11 +6,14 @@ from typing import Any
 
 import pyarrow as pa
 import pyarrow.dataset as pads
+import pyarrow.fs as pafs
 from deltalake import CommitProperties, DeltaTable, Transaction, write_deltalake
 from deltalake.exceptions import CommitFailedError, DeltaError, TableNotFoundError
+from deltalake.fs import DeltaStorageHandler
 
-from services.errors import LakeError
+from services.errors import LakeError, LostVersionError
 from services.lake.durable import make_durable
+from services.lake.log import entry_path, read_log
 from services.lake.sandbox import absent
 from services.lake.schemas import SCHEMAS, older_versions, version_of
 from services.lake.storage import Storage
@@ -26,6 +29,9 @@ VERSION_KEY = "lmtr.schemaVersion"
 
 FIRST_VERSION_KEY = "lmtr.firstSchemaVersion"
 """Version of the schema that a table was made with: files of that time lack later columns."""
+
+LOST = "lmtr.lostVersion"
+"""Note of a commit that holds nothing and only takes the number of a version that was lost."""
 
 KEEP_LOG = {"delta.enableExpiredLogCleanup": "false"}
 """Delta drops old versions after 30 days; a model must find its data for good."""
@@ -79,10 +85,15 @@ class DeltaTables:
     def _options(self) -> dict[str, str] | None:
         return dict(self.storage.options) or None
 
+    def files(self, table: str) -> pafs.FileSystem:
+        """The files of a table, on whatever storage; paths are relative to the table."""
+        return pafs.PyFileSystem(DeltaStorageHandler(self.uri(table), self._options))
+
     def delta(self, table: str, version: int | None = None) -> DeltaTable:
         """The table as delta-rs has it, in its present or an earlier version.
 
         Raises:
+            LostVersionError: A repair had to take the version out of the log.
             LakeError: The table or the version is missing, cannot be read, or is of a schema that
                 this LMTR does not know.
         """
@@ -93,7 +104,28 @@ class DeltaTables:
             raise LakeError(
                 f"table {table!r} has no version {version}; choose one of 0 to {latest}"
             )
-        return delta if version is None else self.opened(table, version)
+        return delta if version is None else self._pinned(table, version)
+
+    def _pinned(self, table: str, version: int) -> DeltaTable:
+        """A version that was named; never another one that came under its number."""
+        if self._is_marked_lost(table, version):
+            raise _lost(table, version)
+        try:
+            return self.opened(table, version)
+        except LakeError as error:
+            if not read_log(self.files(table)).reaches(version):
+                raise _lost(table, version) from error
+            raise
+
+    def _is_marked_lost(self, table: str, version: int) -> bool:
+        try:
+            with self.files(table).open_input_file(entry_path(version)) as file:
+                # Inside of strings JSON escapes quotes, so that this is a key.
+                return f'"{LOST}":'.encode() in file.read()
+        except FileNotFoundError:  # a checkpoint stands for it, or it cannot be opened
+            return False
+        except OSError as error:
+            raise self.unreadable(table, error) from error
 
     def opened(self, table: str, version: int | None = None) -> DeltaTable:
         """The table as delta-rs has it, of whatever schema.
@@ -108,8 +140,12 @@ class DeltaTables:
         except (DeltaError, OSError) as error:
             raise self.unreadable(table, error) from error
 
-    def open_or_create(self, table: str) -> DeltaTable:
+    def open_or_create(self, table: str, notes: Mapping[str, str] | None = None) -> DeltaTable:
         """The table as delta-rs has it, made if it is not there.
+
+        Args:
+            table: Name of the table.
+            notes: What the history shall say of its making.
 
         Raises:
             LakeError: It cannot be made or opened.
@@ -118,7 +154,7 @@ class DeltaTables:
         try:
             for _ in range(CONFLICT_RETRIES):
                 with suppress(CommitFailedError):  # another process makes it
-                    return self._made(table)
+                    return self._made(table, notes or {})
             return self.delta(table)
         except (DeltaError, OSError) as error:
             raise self.unwritable(table, error) from error
@@ -179,7 +215,7 @@ class DeltaTables:
             raise self.unwritable(table, error) from error
         self._durable[table] = version
 
-    def _made(self, table: str) -> DeltaTable:
+    def _made(self, table: str, notes: Mapping[str, str]) -> DeltaTable:
         if not self.exists(table):
             schema = SCHEMAS[table]
             if not self.storage.is_remote:
@@ -196,6 +232,7 @@ class DeltaTables:
                 },
                 storage_options=self._options,
                 raise_if_key_not_exists=False,
+                commit_properties=CommitProperties(custom_metadata=dict(notes)),
             )
         return self.delta(table)
 
@@ -220,11 +257,28 @@ def retried() -> CommitProperties:
     return CommitProperties(max_commit_retries=COMMIT_RETRIES)
 
 
+def commit_nothing(delta: DeltaTable, notes: Mapping[str, str]) -> None:
+    """Add a version that only has notes; the opened table stays where it was.
+
+    Raises:
+        DeltaError, OSError: The table cannot be written, or another writer was quicker.
+    """
+    properties = CommitProperties(custom_metadata=dict(notes), max_commit_retries=0)
+    delta.create_write_transaction([], "append", delta.schema(), commit_properties=properties)
+
+
 def dataset_of(delta: DeltaTable, schema: pa.Schema) -> pads.Dataset:
     """An opened table as an Arrow data set; columns that were added later read as null."""
     dataset = delta.to_pyarrow_dataset()
     added = [field for field in schema if dataset.schema.get_field_index(field.name) < 0]
     return dataset.replace_schema(pa.schema([*dataset.schema, *added])) if added else dataset
+
+
+def _lost(table: str, version: int) -> LostVersionError:
+    return LostVersionError(
+        f"table {table!r}: version {version} is lost: its log was damaged there, and a repair set "
+        "the entry aside; choose another version, or make anew what was made from it"
+    )
 
 
 def _require_known(table: str, delta: DeltaTable) -> None:

@@ -11,7 +11,6 @@ import pyarrow as pa
 import pyarrow.dataset as pads
 import pyarrow.fs as pafs
 from deltalake import DeltaTable
-from deltalake.fs import DeltaStorageHandler
 
 from services.errors import LakeError
 from services.lake.examination import (
@@ -117,8 +116,7 @@ class Inspection:
 
 def table_files(lake: Lake, table: str) -> pafs.FileSystem:
     """The files of a table, on whatever storage; paths are relative to the table."""
-    options = dict(lake.storage.options) or None
-    return pafs.PyFileSystem(DeltaStorageHandler(lake.uri(table), options))
+    return lake.files(table)
 
 
 def tables_found(lake: Lake) -> list[str]:

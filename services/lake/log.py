@@ -6,7 +6,7 @@ rows that it had added. Here every file of the log is looked at by itself.
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 from urllib.parse import unquote
@@ -64,6 +64,14 @@ class TableLog:
             version += 1
         return version
 
+    def reaches(self, version: int) -> bool:
+        """Whether whole entries lead to a version, from a whole checkpoint or the first entry."""
+        while self.checkpoints.get(version) != "":
+            if self.entries.get(version) != "":
+                return version < 0
+            version -= 1
+        return True
+
     @property
     def faults(self) -> list[LogFault]:
         """Everything wrong, in the order of versions."""
@@ -106,6 +114,12 @@ def entry_path(version: int) -> str:
 def checkpoint_path(version: int) -> str:
     """Path of the checkpoint at a version, relative to the table."""
     return f"{FOLDER}/{version:020d}.checkpoint.parquet"
+
+
+def versions_of(paths: Iterable[str]) -> list[int]:
+    """The versions whose entries are among files, whatever folder they were moved to."""
+    names = (path.rpartition(f"{FOLDER}/")[2] for path in paths if f"{FOLDER}/" in path)
+    return [int(found[1]) for name in names if (found := _ENTRY.fullmatch(name))]
 
 
 def read_log(files: pafs.FileSystem) -> TableLog:

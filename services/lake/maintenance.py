@@ -1,16 +1,18 @@
 """What a table takes up, how it came about, and the removal of files that nothing refers to."""
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pyarrow.fs as pafs
 
-from services.errors import LakeError
+from services.errors import LakeError, LostVersionError
 from services.lake.delta import VERSION_KEY
 from services.lake.inspection import DataFile, data_files, table_files
 from services.lake.log import FOLDER, read_log
+from services.lake.sandbox import evaluated
 from services.lake.schemas import IDENTITY, SCHEMAS
 from services.lake.tables import Lake
 
@@ -128,10 +130,10 @@ def forgotten(
     """
     files = table_files(lake, table)
     _require_whole(table, bool(read_log(files).faults))
-    latest = lake.version(table)
-    kept: set[str] = set()
-    for version in {latest, *pinned_versions(lake, table)}:
-        kept |= {file.path for file in data_files(lake.delta(table, version))}
+    kept = {file.path for file in data_files(lake.delta(table))}
+    for version in pinned_versions(lake, table):
+        with suppress(LostVersionError):  # nothing of it can be kept
+            kept |= {file.path for file in data_files(lake.delta(table, version))}
     return _unmentioned(files, frozenset(kept), grace, now)
 
 
@@ -198,8 +200,9 @@ def _stored(files: pafs.FileSystem) -> list[pafs.FileInfo]:
 def _rows_by_dataset(lake: Lake, table: str) -> dict[str, int]:
     if "dataset_id" not in SCHEMAS[table].names or IDENTITY[table] == ("dataset_id",):
         return {}
-    counts = lake.read(table, ["dataset_id"])["dataset_id"].value_counts().to_pylist()
-    return {each["values"]: each["counts"] for each in sorted(counts, key=lambda c: c["values"])}
+    sql = f"SELECT dataset_id, count(*) FROM {table} GROUP BY ALL ORDER BY ALL"
+    with evaluated(lake.sources(), sql) as relation:
+        return dict(relation.fetchall())
 
 
 _KNOWN = frozenset(

@@ -19,6 +19,7 @@ from services.errors import LakeError
 from services.lake.guard import NO_FILES, Reading, require_reading
 from services.lake.schemas import MADE_BY
 from services.lake.views import VIEWS
+from services.objects.faults import Fault, fault, plain
 
 SHUT = (
     "TimeZone = 'UTC'",
@@ -56,12 +57,14 @@ def evaluated(sources: Mapping[str, Source], sql: str) -> Iterator[duckdb.DuckDB
     Only the tables that it names are opened.
 
     Raises:
-        LakeError: The statement is wrong, not allowed, or names what is not there.
+        LakeError: The statement is wrong, not allowed, or names what is not there; or a file of a
+            table is damaged.
     """
+    offered: dict[str, Source] = {}
     with duckdb.connect(":memory:") as connection:
         try:
             reading = require_reading(connection, sql)
-            _offer(connection, sources, reading)
+            _offer(connection, sources, reading, offered)
             for setting in SHUT:
                 connection.execute(f"SET {setting}")
             yield connection.sql(sql)
@@ -69,19 +72,23 @@ def evaluated(sources: Mapping[str, Source], sql: str) -> Iterator[duckdb.DuckDB
             if "interrupted" in str(error).lower():  # DuckDB's own answer to Ctrl-C
                 raise KeyboardInterrupt from error
             raise
-        except (duckdb.Error, pa.ArrowException) as error:
-            raise LakeError(f"query: {explained(str(error), sorted(sources))}") from error
+        except (duckdb.Error, pa.ArrowException, UnicodeDecodeError) as error:
+            says = _damage(error, offered) or f"query: {explained(str(error), sorted(sources))}"
+            raise LakeError(says) from error
 
 
 def _offer(
-    connection: duckdb.DuckDBPyConnection, sources: Mapping[str, Source], reading: Reading
+    connection: duckdb.DuckDBPyConnection,
+    sources: Mapping[str, Source],
+    reading: Reading,
+    tables: dict[str, Source],
 ) -> None:
-    """Make the tables and views known that a statement asks for."""
+    """Make the tables and views known that a statement asks for, and put them into ``tables``."""
     names = {name.lower() for name in reading.names}
     views = {name for name in VIEWS if name in names}
     needed = names | {table for name in views for table in VIEWS[name].tables}
     asked = list(sources) if reading.lists else sorted(needed)
-    tables = {name: sources[name] for name in asked if name in sources}
+    tables.update((name, sources[name]) for name in asked if name in sources)
     paths = [
         path for source in tables.values() if isinstance(source, Files) for path in source.paths
     ]
@@ -108,6 +115,30 @@ def _select(source: Files) -> str:
 
 def _quoted(text: str) -> str:
     return "'" + text.replace("'", "''") + "'"
+
+
+def _damage(error: Exception, tables: Mapping[str, Source]) -> str:
+    """What to say if an error comes of a table's files and not of the statement; else nothing."""
+    text = str(error)
+    concerned = [name for name, source in tables.items() if _names(text, name, source)]
+    # What DuckDB's Parquet reader stumbles over is of no class of its own, or names no file.
+    if type(error) in (duckdb.Error, duckdb.IOException, UnicodeDecodeError) and not concerned:
+        concerned = list(tables)
+    if not concerned:
+        return ""
+    cause = plain(error).partition(" LINE 1: ")[0]
+    meant = Fault(cause, "look what is wrong with `lmtr lake check`")
+    if any(not isinstance(tables[name], Files) for name in concerned):
+        meant = fault(error) or meant  # of an object store
+    which = " or ".join(map(repr, concerned))
+    return f"table {which} cannot be read: {meant.cause}; {meant.mend}"
+
+
+def _names(text: str, table: str, source: Source) -> bool:
+    """Whether a message names a table's files, or its rows as Arrow could not read them."""
+    if isinstance(source, Files):
+        return any(path in text for path in source.paths)
+    return f"registered as '{table}' failed" in text
 
 
 def explained(message: str, tables: list[str]) -> str:

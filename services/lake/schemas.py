@@ -291,7 +291,9 @@ MADE_TOGETHER: dict[str, tuple[str, ...]] = {
 }
 """Columns that rows of one piece of work have in common, where it makes more than one row.
 
-It is done again only where none of its rows is there, so they must be there all or none."""
+It is done again only where none of its rows is there, so they must be there all or none. Delta's
+log has the bounds of these columns for each file, as they are among the first of their table.
+"""
 
 MADE_BY: dict[str, str] = {
     "datasets": "lmtr generate",

@@ -1,6 +1,7 @@
 """Where a lake lies: a folder of this machine, or a prefix of an object store."""
 
 import os
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import unquote
@@ -9,6 +10,9 @@ from services.errors import LakeError
 from services.objects.access import Access
 from services.objects.address import Address, is_address
 from services.objects.probe import require_conditional_writes
+
+_UNFIT = re.compile(r"[\[\]^|\\\x00-\x1f\x7f\ud800-\udfff]")
+"""Characters of a path that delta-rs panics at ([ ] ^ |) or cannot write (the others)."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +32,7 @@ class Storage:
         """The storage at a path or address; how a store is reached is read from the environment.
 
         Raises:
-            LakeError: delta-rs would look in another place.
+            LakeError: delta-rs would look in another place, or cannot work there.
             StoreError: The address or the environment is wrong.
         """
         if isinstance(place, Storage):
@@ -42,6 +46,11 @@ class Storage:
             raise LakeError(
                 f"lake {text}: its path must hold no '%' before two hexadecimal digits; "
                 "choose another folder"
+            )
+        if unfit := _UNFIT.search(text):
+            raise LakeError(
+                f"lake {text!r}: its path must hold no {unfit[0]!r}, as no table can be kept "
+                "there (nor with one of [ ] ^ | \\ or a control character); choose another folder"
             )
         return cls(text.rstrip("/"))
 

@@ -1,6 +1,6 @@
 """Tables of the lake: idempotent appends, reads of any version (Delta Lake through delta-rs)."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -15,6 +15,7 @@ from services.errors import LakeError
 from services.lake.checks import conform
 from services.lake.delta import CONFLICT_RETRIES, DeltaTables, dataset_of, retried
 from services.lake.exclusive import lock_of, rewriting
+from services.lake.identity import lacking
 from services.lake.sandbox import Source, absent, evaluated
 from services.lake.schemas import SCHEMAS
 from services.lake.sources import Recent, Sources
@@ -32,7 +33,8 @@ class Lake(DeltaTables):
     """The tables at one place; made when they are first appended to.
 
     Appends are atomic and idempotent: every batch is a transaction ``(app_id, number)`` of its
-    table, whole or not there at all, and never there twice.
+    table, whole or not there at all, and never there twice; rows of :meth:`append_rows` are
+    compared with the table's own besides.
 
     Attributes:
         storage: Where the tables lie.
@@ -43,7 +45,10 @@ class Lake(DeltaTables):
         self._recent = Recent(self)
 
     def append(self, table: str, rows: pa.Table, *, app_id: str, number: int) -> bool:
-        """Append a batch as transaction ``number`` of ``app_id``.
+        """Append a batch as transaction ``number`` of ``app_id``; its rows are not looked at.
+
+        A table that lost its log in part remembers fewer transactions: rows that may be in already
+        are for :meth:`append_rows` and :class:`~services.lake.appender.Appender`.
 
         Args:
             table: Name of the table.
@@ -58,12 +63,8 @@ class Lake(DeltaTables):
             LakeError: The rows break the schema, or the table cannot be written.
         """
         checked, transaction = conform(table, rows), Transaction(app_id, number)
-        for _ in range(CONFLICT_RETRIES):
-            with suppress(CommitFailedError):
-                return self._append_once(table, checked, transaction)
-        raise LakeError(
-            f"table {table!r}: {CONFLICT_RETRIES} appends in a row lost against other writers of "
-            f"{app_id!r}; let one process at a time append under that name"
+        return self._insisting(
+            table, app_id, lambda: self._append_once(table, checked, transaction)
         )
 
     def read(
@@ -141,16 +142,25 @@ class Lake(DeltaTables):
             return []
         return list(self.read(table, [column], where)[column].to_pylist())
 
-    def append_rows(
-        self, table: str, rows: Sequence[Mapping[str, Any]], *, app_id: str, number: int = 1
-    ) -> bool:
-        """Append rows given as dictionaries, see :meth:`append`; missing columns are null."""
-        return self.append(
-            table,
-            pa.Table.from_pylist(list(rows), schema=SCHEMAS[table]),
-            app_id=app_id,
-            number=number,
-        )
+    def append_rows(self, table: str, rows: Sequence[Mapping[str, Any]], *, app_id: str) -> bool:
+        """Append rows given as dictionaries, those that the table lacks by their identity.
+
+        Rows that a repair brought back, or that were lost and are made again, so end up there once,
+        whatever transactions the table remembers. The transaction only keeps two writers apart.
+
+        Args:
+            table: Name of the table.
+            rows: The rows; missing columns are null.
+            app_id: Who appends; all who may append the same rows must use the same name.
+
+        Returns:
+            Whether any row was new.
+
+        Raises:
+            LakeError: The rows break the schema, or the table cannot be read or written.
+        """
+        checked = conform(table, pa.Table.from_pylist(list(rows), schema=SCHEMAS[table]))
+        return self._insisting(table, app_id, lambda: self._append_new(table, checked, app_id))
 
     def next_number(self, table: str, app_id: str) -> int:
         """The number of the next transaction of an application that appends again and again."""
@@ -213,6 +223,28 @@ class Lake(DeltaTables):
             except (DeltaError, OSError) as error:
                 raise self.unwritable(table, error) from error
             self.settle(table, delta)
+        return True
+
+    def _insisting(self, table: str, app_id: str, append: Callable[[], bool]) -> bool:
+        """Append, anew as long as another writer takes the transaction."""
+        for _ in range(CONFLICT_RETRIES):
+            with suppress(CommitFailedError):
+                return append()
+        raise LakeError(
+            f"table {table!r}: {CONFLICT_RETRIES} appends in a row lost against other writers of "
+            f"{app_id!r}; let one process at a time append under that name"
+        )
+
+    def _append_new(self, table: str, rows: pa.Table, app_id: str) -> bool:
+        delta = self.open_or_create(table)
+        try:
+            new = lacking(table, dataset_of(delta, SCHEMAS[table]), rows)
+        except duckdb.Error as error:
+            raise self.unreadable(table, error) from error
+        if not new.num_rows:
+            return False
+        number = (delta.transaction_version(app_id) or 0) + 1
+        self.commit(table, delta, new, Transaction(app_id, number))
         return True
 
     def _append_once(self, table: str, rows: pa.Table, transaction: Transaction) -> bool:

@@ -6,6 +6,7 @@ import pytest
 from s3_servers import BUCKET
 
 from services.errors import LakeError
+from services.lake import tables
 from services.lake.queries import query
 from services.lake.tables import Lake
 
@@ -127,3 +128,17 @@ def test_a_killed_writer_leaves_whole_batches_only(place, spawn):
     assert batches >= confirmed
     seeds = lake.read("datasets", ["seed"])["seed"].to_pylist()
     assert sorted(seeds) == sorted(list(range(1, batches + 1)) * rows)
+
+
+def test_two_who_describe_the_same_at_once_describe_it_once(lake, datasets, monkeypatch):
+    row, compared = datasets(["a"]).to_pylist(), tables.lacking
+
+    def slow(*arguments):
+        found = compared(*arguments)
+        monkeypatch.setattr(tables, "lacking", compared)
+        assert Lake(lake.storage).append_rows("datasets", row, app_id="datasets/a")
+        return found
+
+    monkeypatch.setattr(tables, "lacking", slow)
+    assert not lake.append_rows("datasets", row, app_id="datasets/a")
+    assert lake.read("datasets").num_rows == 1

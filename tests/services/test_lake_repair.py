@@ -1,14 +1,17 @@
 """After a repair a table is usable, nothing is deleted, and no undamaged row is lost."""
 
 import json
+from datetime import timedelta
 
+import numpy as np
 import pyarrow as pa
 import pytest
 
-from services.errors import LakeError
+from services.errors import LakeError, LostVersionError
 from services.lake import repair
-from services.lake.inspection import inspect_table
+from services.lake.inspection import data_files, inspect_table
 from services.lake.log import HINT, checkpoint_path, entry_path
+from services.lake.maintenance import forgotten
 from services.lake.repair import QUARANTINE, repair_table
 from services.lake.schemas import SCHEMAS
 from services.lake.tables import Lake
@@ -197,7 +200,7 @@ def test_a_repair_killed_before_rows_come_back_brings_them_back_later(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(repair, "_salvage", killed)
+        patch.setattr(repair, "_bring_back", killed)
         with pytest.raises(KeyboardInterrupt):
             repair_table(full, "solutions")
     assert indices(full) == list(range(12))
@@ -225,3 +228,96 @@ def test_tables_without_digests_are_salvaged_by_their_rules(lake, datasets):
     assert done.salvaged == 2
     assert lake.read("datasets").schema.equals(SCHEMAS["datasets"])
     assert sorted(lake.read("datasets")["dataset_id"].to_pylist()) == ["a", "b", "c"]
+
+
+@pytest.mark.parametrize("torn", [True, False])
+def test_what_describes_itself_again_after_a_repair_is_there_once(lake, datasets, torn):
+    for name in "abc":
+        lake.append_rows("datasets", datasets([name]).to_pylist(), app_id=f"datasets/{name}")
+    if torn:
+        (lake.storage.folder / "datasets" / entry_path(3)).write_bytes(b"{")
+    else:
+        (file,) = {f.path for f in data_files(lake.delta("datasets"))} - {
+            f.path for f in data_files(lake.delta("datasets", 2))
+        }
+        (lake.storage.folder / "datasets" / file).unlink()
+    assert repair_table(lake, "datasets").lost == (0 if torn else 1)
+    for name in "abc":
+        lake.append_rows("datasets", datasets([name]).to_pylist(), app_id=f"datasets/{name}")
+    assert sorted(lake.values("datasets", "dataset_id")) == ["a", "b", "c"]
+
+
+@pytest.mark.parametrize(("torn", "content"), [(0, b""), (2, b"{"), (3, b"")])
+def test_no_other_rows_come_under_the_number_of_a_lost_version(
+    full, damage, solutions, torn, content
+):
+    before = {
+        v: sorted(full.read("solutions", ["index"], version=v)["index"].to_pylist())
+        for v in range(torn)
+    }
+    damage.tear(torn, content)
+    assert repair_table(full, "solutions").lost_until == 3
+    full.append("solutions", solutions([12]), app_id="y", number=1)
+    assert full.version("solutions") > 4
+    for version, rows in before.items():
+        found = full.read("solutions", ["index"], version=version)["index"].to_pylist()
+        assert sorted(found) == rows
+    for version in range(torn, 4):
+        for read in (full.read, full.delta):
+            with pytest.raises(LostVersionError, match=f"version {version} is lost"):
+                read("solutions", version=version)
+    for version in range(4, full.version("solutions") + 1):
+        full.read("solutions", version=version)
+    assert is_clean(full)
+    assert not repair_table(full, "solutions").changed
+
+
+def test_the_version_after_a_repair_may_be_named(full, damage):
+    damage.tear(3, b"")
+    repair_table(full, "solutions")
+    pin = full.version("solutions")
+    assert full.read("solutions", version=pin).num_rows == 12
+
+
+def test_versions_below_a_checkpoint_are_lost_with_a_torn_entry_before_them(full, damage):
+    full.delta("solutions").create_checkpoint()
+    damage.tear(1, b"{")
+    repair_table(full, "solutions")
+    for version in (1, 2):
+        with pytest.raises(LostVersionError, match=f"version {version} is lost"):
+            full.delta("solutions", version)
+    assert full.read("solutions", version=3).num_rows == 12
+    assert full.read("solutions", version=0).num_rows == 0
+
+
+def test_a_repair_killed_while_it_takes_numbers_takes_the_rest_later(full, damage, monkeypatch):
+    damage.tear(1, b"")
+    commit, calls = repair.commit_nothing, iter(range(99))
+
+    def killed(*arguments):
+        if next(calls) == 1:
+            raise KeyboardInterrupt
+        commit(*arguments)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(repair, "commit_nothing", killed)
+        with pytest.raises(KeyboardInterrupt):
+            repair_table(full, "solutions")
+    assert repair_table(full, "solutions").salvaged == 12
+    for version in (1, 2, 3):
+        with pytest.raises(LostVersionError):
+            full.delta("solutions", version)
+    assert full.read("solutions", version=full.version("solutions")).num_rows == 12
+
+
+def test_a_version_that_is_lost_keeps_no_vacuum_from_its_work(lake, segments):
+    for number in (1, 2):
+        rows = segments(np.ones((2, 35)), np.ones((2, 264)))
+        lake.append("segments", rows, app_id="x", number=number)
+    model = {field.name: None for field in SCHEMAS["models"]} | {"segments_version": 2}
+    texts = [f.name for f in SCHEMAS["models"] if pa.types.is_string(f.type)]
+    numbers = {"seed": 0, "latent": 0, "metrics": [], "created_at": 0}
+    lake.append_rows("models", [model | dict.fromkeys(texts, "") | numbers], app_id="m")
+    (lake.storage.folder / "segments" / entry_path(2)).write_bytes(b"")
+    repair_table(lake, "segments")
+    assert len(forgotten(lake, "segments", timedelta(0))) == 1

@@ -190,6 +190,12 @@ def test_a_folder_that_delta_would_mistake_is_refused():
         Lake(Path("/data/a%20b"))
 
 
+@pytest.mark.parametrize("unfit", ["[", "]", "^", "|", "\\", "\n", "\x7f", "\udc80"])
+def test_folders_in_which_tables_cannot_be_kept_are_refused(tmp_path, unfit):
+    with pytest.raises(LakeError, match=r"its path must hold no .*choose another folder$"):
+        Lake(tmp_path / f"{unfit}run" / "lake")
+
+
 def test_a_table_of_another_schema_version_is_not_touched(lake, datasets):
     lake.append("datasets", datasets(["a"]), app_id="x", number=1)
     log = min((lake.storage.folder / "datasets" / "_delta_log").glob("*.json"))
