@@ -94,8 +94,8 @@ def segment_arrays(lake: Lake, cut: Cut, dtype: type[Real]) -> SegmentArrays[Rea
     order = np.lexsort(ordering[::-1])
     place = np.empty_like(order)
     place[order] = np.arange(len(order))
-    x = np.empty((len(order), TASK_LAYOUT.size), dtype)
-    tau = np.empty((len(order), SEGMENT_LAYOUT.size), dtype)
+    x = _empty(len(order), TASK_LAYOUT, dtype)
+    tau = _empty(len(order), SEGMENT_LAYOUT, dtype)
     done = 0
     for some_x, some_tau in vector_batches(lake, cut, opened):
         rows = place[done : done + len(some_x)]
@@ -112,6 +112,15 @@ def vector_batches(
     for batch in lake.scan("segments", ["x", "tau"], cut.rows, opened):
         if batch.num_rows:
             yield _matrix(batch["x"], TASK_LAYOUT), _matrix(batch["tau"], SEGMENT_LAYOUT)
+
+
+def _empty(rows: int, layout: Layout, dtype: type[Real]) -> NDArray[Real]:
+    """A matrix (rows, size) in memory of Arrow's, which is had at once when it was used before.
+
+    Gigabytes that are new from the system take longer to come than to be read into.
+    """
+    buffer = pa.allocate_buffer(rows * layout.size * np.dtype(dtype).itemsize)
+    return np.frombuffer(buffer, dtype).reshape(rows, layout.size)
 
 
 def _matrix(column: pa.Array, layout: Layout) -> NDArray[np.float32]:

@@ -1,12 +1,13 @@
 """Where a query finds the rows of each table: its files for DuckDB, or an Arrow data set."""
 
-import os
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from urllib.parse import unquote
 
 from deltalake import DeltaTable
 
 from services.lake.delta import FIRST_VERSION_KEY, DeltaTables, dataset_of
+from services.lake.log import entry_path
 from services.lake.sandbox import Files, Source
 from services.lake.schemas import SCHEMAS, version_of
 
@@ -29,9 +30,9 @@ class Recent:
             LakeError: It is missing or cannot be read.
         """
         delta, known = self._open.pop(name, (None, None))
-        if delta is None or known != self._head(name, delta):
+        if delta is None or known is None or known != self._head(name, delta):
             delta = self._tables.delta(name)
-        else:
+        elif self._entry(name, delta.version() + 1).exists():
             self._tables.refresh(name, delta)
         head = self._head(name, delta)
         if head is not None:
@@ -47,12 +48,14 @@ class Recent:
         """
         if self._tables.storage.is_remote:
             return None
-        log = self._tables.storage.folder / name / "_delta_log"
         try:
-            found = os.stat(log / f"{delta.version():020}.json")
+            found = self._entry(name, delta.version()).stat()
         except OSError:
             return None
         return found.st_ino, found.st_mtime_ns
+
+    def _entry(self, name: str, version: int) -> Path:
+        return self._tables.storage.folder / name / entry_path(version)
 
 
 class Sources(Mapping[str, Source]):
@@ -70,8 +73,6 @@ class Sources(Mapping[str, Source]):
         self._versions = versions
 
     def __getitem__(self, table: str) -> Source:
-        if table not in self:
-            raise KeyError(table)
         version = self._versions.get(table)
         if version is None:
             return source_of(self._tables, table, self._recent.table(table))

@@ -130,9 +130,15 @@ class Lake(DeltaTables):
         names = self._chosen(table, columns).names
         dataset = dataset_of(opened or self.delta(table), SCHEMAS[table])
         try:
-            yield from dataset.to_batches(
-                columns=names, filter=only, batch_size=SCANNED_ROWS, batch_readahead=4
-            )
+            for file in dataset.get_fragments(only):
+                wanted = None if only is None else file.count_rows(filter=only)
+                if wanted == 0:
+                    continue
+                # Where all rows are wanted there is nothing to look at, and nothing is copied.
+                some = None if wanted == file.count_rows() else only
+                yield from file.to_batches(
+                    dataset.schema, columns=names, filter=some, batch_size=SCANNED_ROWS
+                )
         except (pa.ArrowException, OSError) as error:
             raise self.unreadable(table, error) from error
 
