@@ -84,7 +84,7 @@ def test_a_damaged_or_missing_checkpoint_is_done_without(full, damage, rows_befo
     path.write_bytes(content) if content is not None else path.unlink()
     assert json.loads((damage.folder / HINT).read_text())["version"] == 3
     with pytest.raises(LakeError, match=r"cannot be read: .*`lmtr lake check`$"):
-        full.read("solutions")
+        Lake(full.storage).read("solutions")
     done = repair_table(full, "solutions")
     assert HINT in done.log_files
     assert full.read("solutions", order_by="index").equals(rows_before)
