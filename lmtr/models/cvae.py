@@ -5,18 +5,12 @@ unimodal regressor f: x → τ.
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import torch
 from torch import Generator, Tensor, nn
 
-from lmtr.models.settings import Activation, ModelSettings
-
-_ACTIVATIONS: dict[Activation, type[nn.Module]] = {
-    "elu": nn.ELU,
-    "relu": nn.ReLU,
-    "tanh": nn.Tanh,
-}
+from lmtr.models.networks import fully_connected
+from lmtr.models.settings import ModelSettings
 
 
 @dataclass(frozen=True)
@@ -47,11 +41,11 @@ class CVAE(nn.Module):
         super().__init__()
         n, hidden = settings.latent, settings.hidden
         self.latent = n
-        self.decoder = _perceptron((n + task_size, *hidden, segment_size), settings.activation)
+        self.decoder = fully_connected((n + task_size, *hidden, segment_size), settings.activation)
         self.encoder: nn.Sequential | None = None
         if n:
             sizes = (segment_size + task_size, *reversed(hidden), 2 * n)
-            self.encoder = _perceptron(sizes, settings.activation)
+            self.encoder = fully_connected(sizes, settings.activation)
 
     def encode(self, tau: Tensor, x: Tensor) -> tuple[Tensor, Tensor]:
         """μ_z and log σ_z², both (B, n), of segments τ (B, 264) that solve tasks x (B, 35)."""
@@ -77,10 +71,3 @@ class CVAE(nn.Module):
 def normal_like(like: Tensor, noise: Generator) -> Tensor:
     """Standard normal numbers in the shape and on the device of ``like``."""
     return torch.randn(like.shape, generator=noise, device=like.device, dtype=like.dtype)
-
-
-def _perceptron(sizes: tuple[int, ...], activation: Activation) -> nn.Sequential:
-    layers: list[nn.Module] = []
-    for inputs, outputs in pairwise(sizes):
-        layers += [nn.Linear(inputs, outputs), _ACTIVATIONS[activation]()]
-    return nn.Sequential(*layers[:-1])  # the last layer is linear

@@ -6,19 +6,19 @@ the same to the last bit. A training that is interrupted, by the user or by an e
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import torch
-from torch import Generator, Tensor, nn
+from torch import Generator, Tensor
 
 from lmtr.errors import ConfigurationError, ModelError
 from lmtr.models.cvae import CVAE, normal_like
 from lmtr.models.data import TrainingData
 from lmtr.models.latent import active_dimensions
 from lmtr.models.loss import Loss, cvae_loss
+from lmtr.models.networks import as_perceptron, torch_threads
 from lmtr.models.perceptron import Perceptron
 from lmtr.models.reconstruction import reconstruction_errors
 from lmtr.models.record import EpochRecord, ValidationRecord
@@ -65,7 +65,7 @@ def train(
     validation = validation.checked("validation")
     task_scaling = Standardiser.fit(TASK_LAYOUT, training.x)
     segment_scaling = Standardiser.fit(SEGMENT_LAYOUT, training.tau)
-    with _torch_threads(training_settings.threads):
+    with torch_threads(training_settings.threads):
         device = _device(training_settings)
         fit = _Fit(
             model_settings,
@@ -162,8 +162,8 @@ class _Candidate:
 
     @classmethod
     def of(cls, epoch: int, loss: float, cvae: CVAE, settings: ModelSettings) -> "_Candidate":
-        encoder = None if cvae.encoder is None else _as_perceptron(cvae.encoder, settings)
-        return cls(epoch, loss, _as_perceptron(cvae.decoder, settings), encoder)
+        encoder = None if cvae.encoder is None else as_perceptron(cvae.encoder, settings.activation)
+        return cls(epoch, loss, as_perceptron(cvae.decoder, settings.activation), encoder)
 
 
 class _Fit:
@@ -263,15 +263,6 @@ def _is_overdue(epochs_without_better: int, settings: TrainingSettings) -> bool:
     return settings.patience is not None and epochs_without_better >= settings.patience
 
 
-def _as_perceptron(network: nn.Sequential, settings: ModelSettings) -> Perceptron:
-    layers = [layer for layer in network if isinstance(layer, nn.Linear)]
-    return Perceptron(
-        weights=tuple(layer.weight.detach().double().cpu().numpy().T.copy() for layer in layers),
-        biases=tuple(layer.bias.detach().double().cpu().numpy().copy() for layer in layers),
-        activation=settings.activation,
-    )
-
-
 def _device(settings: TrainingSettings) -> torch.device:
     if settings.device == "cuda" and not torch.cuda.is_available():
         raise ConfigurationError(
@@ -279,13 +270,3 @@ def _device(settings: TrainingSettings) -> torch.device:
         )
     use_gpu = settings.device != "cpu" and torch.cuda.is_available()
     return torch.device("cuda" if use_gpu else "cpu")
-
-
-@contextmanager
-def _torch_threads(count: int) -> Iterator[None]:
-    before = torch.get_num_threads()
-    torch.set_num_threads(count)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)

@@ -75,8 +75,12 @@ class NearestModePolicy:
 
     def select(self, x: Array) -> Array:
         """The expert's modes (B, n) in the tasks nearest to x (B, 35)."""
-        _, rows = self._index.query(x)
-        return np.asarray(self._z[rows[:, 0]])
+        return self.suggest(x, 1)[:, 0]
+
+    def suggest(self, x: Array, count: int) -> Array:
+        """The expert's modes (B, count, n) in the tasks nearest to x (B, 35), nearest first."""
+        _, rows = self._index.query(x, count)
+        return np.asarray(self._z[rows])
 
     def describe(self) -> dict[str, Any]:
         """Weights and size of the library."""

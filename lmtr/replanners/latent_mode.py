@@ -2,10 +2,12 @@
 
 from typing import Any
 
+import numpy as np
+
 from lmtr.arrays import Array
 from lmtr.errors import ModelError
 from lmtr.models.trained import TrainedModel
-from lmtr.policies.mode_policy import ModePolicy
+from lmtr.policies.mode_policy import ModePolicy, NearestModePolicy
 
 
 class LatentModeReplanner:
@@ -42,6 +44,23 @@ class LatentModeReplanner:
     def plan(self, x: Array) -> Array:
         """Segments τ (B, 264) for tasks x (B, 35), SI units, _S."""
         return self._model.predict(x, self._policy.select(x))
+
+    def suggest(self, x: Array, count: int) -> Array:
+        """Segments τ (B, count, 264) in the modes of the tasks nearest to x (B, 35).
+
+        Raises:
+            ModelError: The policy has one mode for a task.
+        """
+        if not isinstance(self._policy, NearestModePolicy):
+            raise ModelError(
+                f"latent-mode replanner: policy {self._policy.name!r} has one mode for a task; "
+                "select among those of the nearest tasks"
+            )
+        modes = self._policy.suggest(x, count)
+        plans = self._model.predict(
+            np.repeat(x, count, axis=0), modes.reshape(len(x) * count, self._model.latent)
+        )
+        return plans.reshape(len(x), count, plans.shape[-1])
 
     def describe(self) -> dict[str, Any]:
         """Settings and origin of model and policy."""

@@ -51,8 +51,12 @@ class TrajectoryLibraryReplanner:
 
     def plan(self, x: Array) -> Array:
         """Segments τ (B, 264) for tasks x (B, 35), SI units, _S."""
-        _, rows = self._index.query(x)
-        return self._tau[rows[:, 0]].astype(np.float64)
+        return self.suggest(x, 1)[:, 0]
+
+    def suggest(self, x: Array, count: int) -> Array:
+        """Segments τ (B, count, 264) of the tasks nearest to x (B, 35), nearest first."""
+        _, rows = self._index.query(x, count)
+        return self._tau[rows].astype(np.float64)
 
     def describe(self) -> dict[str, Any]:
         """Weights and size of the library."""

@@ -137,9 +137,7 @@ def sample_each_foot(trajectory: Trajectory, times: Array) -> FootSamples:
     u = local - second
     nodes = _foot_nodes(trajectory)
     # Halves of all phases of a foot in a row.
-    first, last = (
-        ends.reshape((*ends.shape[:-2], -1)) for ends in (nodes[..., :-1], nodes[..., 1:])
-    )
+    first, last = _in_a_row(nodes[..., :-1]), _in_a_row(nodes[..., 1:])
     each = np.repeat(durations / FORCE_PIECES, FORCE_PIECES, axis=-1)
     cubics = _cubics(first, last, each, FORCE_PIECES * phase + second)
     value = _by_time(hermite.cubic_value(u, cubics))
@@ -192,7 +190,7 @@ def _cubics(first: Array, last: Array, duration: Array | float, index: Indices) 
 
 def _in_a_row(array: Array) -> Array:
     """The last two axes as one."""
-    return array.reshape((*array.shape[:-2], -1))
+    return array.reshape((*array.shape[:-2], array.shape[-2] * array.shape[-1]))
 
 
 def _looked_up(table: Array, index: Indices) -> Array:

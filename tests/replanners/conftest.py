@@ -5,17 +5,21 @@ from collections.abc import Callable
 import pytest
 
 from lmtr.models.data import TrainingData
+from lmtr.models.mode_regressor import ModeRegressorSettings, fit_mode_regressor
 from lmtr.models.settings import ModelSettings, TrainingSettings
 from lmtr.models.trained import TrainedModel
 from lmtr.models.training import train
 from lmtr.policies.distance import TaskWeights
+from lmtr.policies.gaussian_policy import GaussianModePolicy
 from lmtr.policies.mode_policy import PriorModePolicy, ZeroModePolicy
 from lmtr.replanners.build import build_replanner
 from lmtr.replanners.latent_mode import LatentModeReplanner
 from lmtr.replanners.replanner import Replanner
+from lmtr.replanners.selecting import Selection
 from lmtr.robot.model import ANYMAL
 
 WEIGHTS = TaskWeights(eta=5.0, gamma=0.5)
+SELECTION = Selection(candidates=4)
 
 
 @pytest.fixture(scope="session")
@@ -34,17 +38,38 @@ def models(walk_segments: TrainingData) -> dict[int, TrainedModel]:
 
 @pytest.fixture(
     scope="session",
-    params=["unimodal", "LMTR-3", "LMTR-3 (zero)", "LMTR-3 (prior)", "library"],
+    params=[
+        "unimodal",
+        "LMTR-3",
+        "LMTR-3 (zero)",
+        "LMTR-3 (prior)",
+        "LMTR-3 (best of 4)",
+        "library",
+        "library (best of 4)",
+        "LMTR-3 (gaussian)",
+    ],
 )
 def named(
     request: pytest.FixtureRequest, models: dict[int, TrainedModel], walk_segments: TrainingData
 ) -> tuple[str, Replanner]:
     """Each replanner with the name that it should have."""
+
+    def gaussian(model: TrainedModel) -> GaussianModePolicy:
+        network = fit_mode_regressor(model, walk_segments, ModeRegressorSettings(epochs=5))
+        return GaussianModePolicy(network, model.task_scaling)
+
     makers: dict[str, Callable[[], Replanner]] = {
         "unimodal": lambda: build_replanner(models[0], walk_segments, WEIGHTS),
         "LMTR-3": lambda: build_replanner(models[3], walk_segments, WEIGHTS),
         "LMTR-3 (zero)": lambda: LatentModeReplanner(models[3], ZeroModePolicy(3)),
         "LMTR-3 (prior)": lambda: LatentModeReplanner(models[3], PriorModePolicy(3, seed=0)),
+        "LMTR-3 (best of 4)": lambda: build_replanner(
+            models[3], walk_segments, WEIGHTS, selection=SELECTION
+        ),
         "library": lambda: build_replanner(None, walk_segments, WEIGHTS),
+        "library (best of 4)": lambda: build_replanner(
+            None, walk_segments, WEIGHTS, selection=SELECTION, robot=ANYMAL
+        ),
+        "LMTR-3 (gaussian)": lambda: LatentModeReplanner(models[3], gaussian(models[3])),
     }
     return request.param, makers[request.param]()
