@@ -8,8 +8,6 @@ from typing import Any
 from lmtr.errors import ModelError
 from lmtr.figures.motion_figure import motion_figure
 from lmtr.models.trained import TrainedModel
-from lmtr.policies.distance import TaskWeights
-from lmtr.replanners.build import build_replanner
 from lmtr.robot.model import RobotModel
 from lmtr.rollout.courses import random_courses
 from lmtr.rollout.metrics import forward_violation, obstacle_clearances
@@ -18,35 +16,19 @@ from lmtr.rollout.starts import draw_starts
 from lmtr.rollout.summary import ReplannerSummary, summarise
 from lmtr.rollout.testbed import run_rollouts
 from pipelines import records
-from pipelines.config import Configuration, fingerprint
+from pipelines.config import Configuration
 from pipelines.datasets import configuration_of
 from pipelines.learning_data import LearningData
 from pipelines.progress import bar, say
 from pipelines.provenance import code_version
-from pipelines.registry import Registered, load, models
+from pipelines.registry import load, models
 from pipelines.sections import EvaluationSection
+from pipelines.trials import CHOICES, Trial, replanner_of, trials
 from pipelines.turns import beside_others
 from pipelines.workspace import Workspace
 from services.lake.tables import Lake
 
 EXPERIMENT = "evaluation"
-
-
-@dataclass(frozen=True)
-class Trial:
-    """One replanner to be rolled out.
-
-    Attributes:
-        evaluation_id: Its identity: name and a digest of model, data, weights and testbed.
-        label: What tables and figures call it.
-        model_id: Its model; None for the trajectory library.
-        weights: w of its nearest-neighbour look-up.
-    """
-
-    evaluation_id: str
-    label: str
-    model_id: str | None
-    weights: TaskWeights
 
 
 @dataclass(frozen=True)
@@ -86,7 +68,7 @@ class EvaluateWorker:
     def __call__(self, trial: Trial) -> Tried:
         """All rollouts of one replanner, and their summary."""
         model = None if trial.model_id is None else self._models[trial.model_id]
-        replanner = build_replanner(model, self._data.training, trial.weights)
+        replanner = replanner_of(trial, model, self._data.training, self._robot, self._section)
         rollouts = run_rollouts(
             replanner, self._courses, self._starts, self._section.rollout, self._robot
         )
@@ -96,27 +78,6 @@ class EvaluateWorker:
             replanner.nbytes,
             replanner.describe(),
         )
-
-
-def trials(config: Configuration, data: LearningData, models: Sequence[Registered]) -> list[Trial]:
-    """The replanners that a configuration asks for with these data and models."""
-    section = config.evaluation
-    candidates: list[tuple[str, str | None]] = [(m.label, m.model_id) for m in models]
-    if section.with_library:
-        candidates.append(("trajectory library", None))
-    made = []
-    for name, model_id in candidates:
-        # The unimodal regressor looks nothing up, so weights make no difference to it.
-        choices = section.weights[:1] if name.startswith("unimodal") else section.weights
-        for weights in choices:
-            label = name
-            if len(choices) > 1:
-                label += f" w={','.join(f'{value:g}' for value in weights.values)}"
-            testbed = section.model_dump(mode="json", exclude={"with_library", "weights"})
-            digest = fingerprint(model_id, data.identity, weights, testbed)
-            slug = name.split(" seed")[0].lower().replace(" ", "-")
-            made.append(Trial(f"{slug}-{digest}", label, model_id, weights))
-    return made
 
 
 def evaluate(
@@ -210,7 +171,7 @@ class _Recorder:
             "model_id": trial.model_id,
             "weights": list(trial.weights.values),
             "planner": records.to_json(tried.planner),
-            "settings": self.section.model_dump_json(exclude={"with_library", "weights"}),
+            "settings": self.section.model_dump_json(exclude=CHOICES),
             "seed": self.section.seed,
             "summary": list(metrics.items()),
             "segments_version": self.data.version,
@@ -226,7 +187,8 @@ class _Recorder:
             "replanner": trial.label,
             "model_id": trial.model_id or "",
             "weight": trial.weights.model_dump(),
-            **self.section.model_dump(mode="json", exclude={"with_library", "weights"}),
+            "policy": trial.policy,
+            **self.section.model_dump(mode="json", exclude=CHOICES),
             **self.data.provenance,
         }
         tags = {

@@ -2,16 +2,19 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
 
-from lmtr.models.settings import ModelSettings, TrainingSettings
+from lmtr.models.settings import ModelSettings, ModeRegressorSettings, TrainingSettings
 from lmtr.policies.distance import TaskWeights
+from lmtr.replanners.selecting import Selection
 from lmtr.robot.model import ROBOTS, RobotModel
 from lmtr.rollout.settings import Criteria, RolloutSettings
 from lmtr.settings import Count, Seed, Settings
 from services.cluster.delivery import Rhythm
+
+PolicyName = Literal["nearest", "selected", "gaussian", "prior", "zero"]
 
 
 class DatasetSection(Settings):
@@ -115,6 +118,11 @@ class EvaluationSection(Settings):
         seed: Seed of the courses and starts.
         with_library: Whether the trajectory library is evaluated too.
         weights: Distance weights w of the nearest-neighbour look-ups, one evaluation each.
+        policies: How LMTR selects its modes, one evaluation each: ``nearest`` is π_nbr,
+            ``selected`` takes the cheapest of several nearest, ``gaussian`` is π_N, ``prior`` and
+            ``zero`` are controls that do not look at the task. The library has the first two.
+        selection: How the cheapest is told.
+        mode_regressor: How π_N is fitted.
         rollout: The testbed.
         criteria: What counts as a close step and as a violated range of motion.
     """
@@ -123,8 +131,20 @@ class EvaluationSection(Settings):
     seed: Seed = 0
     with_library: bool = True
     weights: Annotated[tuple[TaskWeights, ...], Field(min_length=1)] = (TaskWeights(),)
+    policies: Annotated[tuple[PolicyName, ...], Field(min_length=1)] = ("nearest",)
+    selection: Selection = Selection()
+    mode_regressor: ModeRegressorSettings = ModeRegressorSettings()
     rollout: RolloutSettings = RolloutSettings()
     criteria: Criteria = Criteria()
+
+    @field_validator("policies")
+    @classmethod
+    def _none_twice(cls, policies: tuple[PolicyName, ...]) -> tuple[PolicyName, ...]:
+        if len(set(policies)) < len(policies):
+            raise ValueError(
+                f"policies must name each one once, got {list(policies)}; drop repetitions"
+            )
+        return policies
 
 
 class ClusterSection(Settings):

@@ -11,26 +11,8 @@ from torch import Generator, Tensor, nn
 from lmtr.models.data import TrainingData
 from lmtr.models.networks import as_perceptron, fully_connected, torch_threads
 from lmtr.models.perceptron import Perceptron
+from lmtr.models.settings import ModeRegressorSettings
 from lmtr.models.trained import TrainedModel
-from lmtr.settings import Count, Positive, Seed, Settings
-
-
-class ModeRegressorSettings(Settings):
-    """How π_N is fitted, with Adam and a cosine schedule.
-
-    Attributes:
-        hidden: Hidden layers.
-        epochs: Passes over the data.
-        batch_size: Tasks per step.
-        learning_rate: At the beginning.
-        seed: Of the weights and the order of the data.
-    """
-
-    hidden: tuple[Count, ...] = (128, 128)
-    epochs: Count = 30
-    batch_size: Count = 512
-    learning_rate: Positive = 2e-3
-    seed: Seed = 0
 
 
 def fit_mode_regressor(

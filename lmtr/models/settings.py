@@ -91,3 +91,21 @@ class TrainingSettings(Settings):
                 f"{self.validate_every}; be patient for at least one validation"
             )
         return self
+
+
+class ModeRegressorSettings(Settings):
+    """How π_N is fitted, with Adam and a cosine schedule.
+
+    Attributes:
+        hidden: Hidden layers.
+        epochs: Passes over the data.
+        batch_size: Tasks per step.
+        learning_rate: At the beginning.
+        seed: Of the weights and the order of the data.
+    """
+
+    hidden: tuple[Count, ...] = (128, 128)
+    epochs: Count = 30
+    batch_size: Count = 512
+    learning_rate: Positive = 2e-3
+    seed: Seed = 0

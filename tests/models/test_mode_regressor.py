@@ -5,8 +5,8 @@ import pytest
 import torch
 from torch.distributions import Independent, Normal, kl_divergence
 
-from lmtr.models.mode_regressor import ModeRegressorSettings, diagonal_kl, fit_mode_regressor
-from lmtr.models.settings import ModelSettings, TrainingSettings
+from lmtr.models.mode_regressor import diagonal_kl, fit_mode_regressor
+from lmtr.models.settings import ModelSettings, ModeRegressorSettings, TrainingSettings
 from lmtr.models.training import train
 from lmtr.policies.gaussian_policy import GaussianModePolicy
 from lmtr.robot.model import ANYMAL

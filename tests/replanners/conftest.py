@@ -5,8 +5,8 @@ from collections.abc import Callable
 import pytest
 
 from lmtr.models.data import TrainingData
-from lmtr.models.mode_regressor import ModeRegressorSettings, fit_mode_regressor
-from lmtr.models.settings import ModelSettings, TrainingSettings
+from lmtr.models.mode_regressor import fit_mode_regressor
+from lmtr.models.settings import ModelSettings, ModeRegressorSettings, TrainingSettings
 from lmtr.models.trained import TrainedModel
 from lmtr.models.training import train
 from lmtr.policies.distance import TaskWeights
