@@ -29,7 +29,7 @@ OPEN = "open"
 DELAY_S = 0.05
 """Sleep that a solve takes: some commits' worth of solves for each driver."""
 
-RHYTHM = ("cluster.batch_seconds=0.2", "cluster.commit_rows=4", "cluster.commit_seconds=0.5")
+RHYTHM = ("cluster.batch_seconds=0.2", "cluster.commit_items=4", "cluster.commit_seconds=0.5")
 
 
 @dataclass(frozen=True)
