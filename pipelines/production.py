@@ -114,6 +114,8 @@ def produce(workspace: Workspace, plan: Plan[T], tally: Tally) -> bool:
             try:
                 _work(workspace, plan, tally, sink, missing, stop)
             except ClusterLostError:
+                if stop():
+                    return not lacking(workspace, plan.group, plan.keys)
                 if losses == RESTARTS:
                     raise
                 say("the cluster was lost; starting it again with what is missing")

@@ -17,6 +17,9 @@ from lmtr.robot.model import RobotModel
 from lmtr.vectors.layout import Layout
 from lmtr.vectors.scaling import Standardiser
 
+CHUNK = 4096
+"""Rows encoded at once, to bound memory."""
+
 
 @dataclass(frozen=True, eq=False)
 class TrainedModel:
@@ -121,8 +124,12 @@ class TrainedModel:
             )
         if self.encoder is None:
             return np.zeros((len(x), 0)), np.zeros((len(x), 0))
-        scaled = [self.segment_scaling.apply(tau), self.task_scaling.apply(x)]
-        mu, log_variance = np.split(self.encoder(np.concatenate(scaled, axis=1)), 2, axis=1)
+        moments = np.empty((len(x), 2 * self.latent))
+        for start in range(0, len(x), CHUNK):
+            rows = slice(start, start + CHUNK)
+            scaled = [self.segment_scaling.apply(tau[rows]), self.task_scaling.apply(x[rows])]
+            moments[rows] = self.encoder(np.concatenate(scaled, axis=1))
+        mu, log_variance = np.split(moments, 2, axis=1)
         return mu, np.exp(0.5 * log_variance)
 
     @cached_property

@@ -7,9 +7,6 @@ import numpy as np
 from lmtr.arrays import Array
 from lmtr.models.trained import TrainedModel
 
-CHUNK = 4096
-"""Rows encoded at once, to bound memory."""
-
 
 @dataclass(frozen=True)
 class ModeLibrary:
@@ -39,13 +36,7 @@ def mode_library(
     Raises:
         DataError: Tasks or segments of another layout, not finite, or not as many.
     """
-    chunks = max(1, -(-len(x) // CHUNK))
-    moments = [
-        model.encode(taus, tasks)
-        for taus, tasks in zip(np.array_split(tau, chunks), np.array_split(x, chunks), strict=True)
-    ]
-    mu = np.concatenate([mean for mean, _ in moments])
+    mu, sigma = model.encode(tau, x)
     if rng is None:
         return ModeLibrary(x, mu)
-    sigma = np.concatenate([deviation for _, deviation in moments])
     return ModeLibrary(x, mu + sigma * rng.standard_normal(mu.shape))

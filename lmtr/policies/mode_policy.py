@@ -13,6 +13,9 @@ from lmtr.policies.nearest_neighbour import TaskIndex
 from lmtr.streams import Purpose, stream
 from lmtr.vectors.scaling import Standardiser
 
+DIGITS = 6
+"""Decimals of a task that decide a draw."""
+
 
 class ModePolicy(Protocol):
     """What LMTR asks of a policy; a new one needs no more than this.
@@ -113,8 +116,9 @@ class ZeroModePolicy:
 class PriorModePolicy:
     """A mode drawn from the prior N(0, I): the second control.
 
-    The draw is a function of seed and task, so that rollouts are the same in whatever order or
-    number they are planned.
+    The draw is a function of seed and task, so that rollouts are the same in whatever order they
+    are planned; tasks are rounded first, for in batches of another size they differ in the last
+    digits.
 
     Args:
         latent: n.
@@ -130,7 +134,8 @@ class PriorModePolicy:
     def select(self, x: Array) -> Array:
         """Draws (B, n) for tasks x (B, 35)."""
         z = np.empty((len(x), self.latent))
-        for row, task in enumerate(np.ascontiguousarray(x, dtype=np.float64)):
+        rounded = np.round(np.asarray(x, dtype=np.float64), DIGITS) + 0.0  # no zero is negative
+        for row, task in enumerate(np.ascontiguousarray(rounded)):
             digest = blake2b(task.tobytes(), digest_size=8).digest()
             rng = stream(self._seed, Purpose.PRIOR, int.from_bytes(digest, "little"))
             z[row] = rng.standard_normal(self.latent)

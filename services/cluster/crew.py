@@ -48,6 +48,7 @@ class Crew:
         self._shared: ray.ObjectRef | None = None
         self._actors: list[ActorHandle] = []
         self._failed_starts = 0
+        self._since_life = 0
         self._due: list[float] = []
         self._starting: dict[ray.ObjectRef, ActorHandle] = {}
         self._quiet_since = time.monotonic()
@@ -120,6 +121,7 @@ class Crew:
             self._dismiss(actor)
             self._hire()
             return None
+        self._since_life = 0
         self.idle.append(actor)
         return actor
 
@@ -147,7 +149,7 @@ class Crew:
             self._dismiss(actor)
             self._mourn(error.cause if isinstance(error, RayTaskError) else error)
         else:
-            self._failed_starts = 0
+            self._failed_starts = self._since_life = 0
             self.idle.append(actor)
 
     def _mourn(self, error: BaseException) -> None:
@@ -155,13 +157,19 @@ class Crew:
 
         A host on which none can start does not end the work of the others, and does not get a new
         process every second either.
+
+        Raises:
+            ClusterError: None works, and none has since enough of them did not start.
+            ClusterLostError: This host does not belong to a running cluster any more.
         """
         self._failed_starts += 1
+        self._since_life += 1
         if self._failed_starts < FAILED_STARTS:
             self._hire()
             return
         none = not (self.idle or self.busy or self._starting)
-        if none and self._failed_starts >= max(FAILED_STARTS, self._size):
+        if none and self._since_life >= max(FAILED_STARTS, self._size):
+            require_membership()
             raise _useless(error) from error
         if self._failed_starts == FAILED_STARTS:
             logger.warning(

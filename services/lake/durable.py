@@ -8,6 +8,7 @@ a torn entry, however whole the later ones are.
 
 import json
 import os
+from contextlib import suppress
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -48,12 +49,11 @@ def _flush_version(table: Path, version: int) -> None:
     entry, checkpoint = table / entry_path(version), table / checkpoint_path(version)
     if entry.exists():
         for path in _added(entry):
-            if path.exists():
-                _flush(path)
+            _flush_if_there(path)
         _flush(entry)
-    if checkpoint.exists():
-        _flush(checkpoint)
-        _flush(table / HINT)
+    # A checkpoint is there before its hint, and a repair may have set either aside.
+    _flush_if_there(checkpoint)
+    _flush_if_there(table / HINT)
 
 
 def _added(entry: Path) -> list[Path]:
@@ -61,6 +61,11 @@ def _added(entry: Path) -> list[Path]:
     actions = map(json.loads, entry.read_text(encoding="utf-8").splitlines())
     added = [action["add"]["path"] for action in actions if "add" in action]
     return [entry.parent.parent / unquote(path) for path in added]
+
+
+def _flush_if_there(path: Path) -> None:
+    with suppress(FileNotFoundError):
+        _flush(path)
 
 
 def _flush(path: Path) -> None:

@@ -63,11 +63,15 @@ class TableSink:
     def _join_files(self) -> None:
         """Join small files beside the commits, which go on: joining a gigabyte takes seconds.
 
-        A process that ends meanwhile leaves files that no version names, for `lmtr lake vacuum`.
+        A writer that is killed meanwhile leaves files that no version names, for
+        `lmtr lake vacuum`; in an object store it would leave its lock too, so there commits wait.
         """
+        if self._lake.storage.is_remote:
+            join_files(self._lake, self._group.table)
+            return
         if self._joining is not None and self._joining.is_alive():
             return
         of_its_own = Lake(self._lake.storage)
         work = (of_its_own, self._group.table)
-        self._joining = threading.Thread(target=join_files, args=work, daemon=True)
+        self._joining = threading.Thread(target=join_files, args=work)
         self._joining.start()

@@ -7,7 +7,7 @@ from lmtr.replanners.build import build_replanner
 from lmtr.rollout.testbed import run_rollouts
 from lmtr.vectors.layout import SEGMENT_LAYOUT, TASK_LAYOUT
 from lmtr.vectors.mirror import mirror_segment, mirror_task
-from pipelines import evaluate
+from pipelines import evaluate, trials
 from pipelines.config import load
 from pipelines.datasets import configuration_of, resolve
 from pipelines.learning_data import learning_data
@@ -105,13 +105,13 @@ def test_rollouts_start_from_held_out_segments_and_look_up_learnt_ones(
         given.append(starts)
         return run_rollouts(replanner, courses, starts, *rest)
 
-    def build(model, library, weights):
+    def build(model, library, weights, **choices):
         looked_up.append(library)
-        return build_replanner(model, library, weights)
+        return build_replanner(model, library, weights, **choices)
 
     monkeypatch.setattr(evaluate, "run_rollouts", run)
-    monkeypatch.setattr(evaluate, "build_replanner", build)
-    (trial,) = evaluate.trials(config, data, [])  # the trajectory library
+    monkeypatch.setattr(trials, "build_replanner", build)
+    (trial,) = trials.trials(config, data, [])  # the trajectory library
     tried = evaluate.EvaluateWorker(data, {}, robot, config.evaluation)(trial)
     assert len(tried.rollouts) == 8
     (starts,), (library,) = given, looked_up
