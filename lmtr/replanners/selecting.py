@@ -7,6 +7,7 @@ from pydantic import Field
 
 from lmtr.arrays import Array
 from lmtr.replanners.plan_cost import PlanCost
+from lmtr.replanners.replanner import Replanner
 from lmtr.robot.model import RobotModel
 from lmtr.settings import Settings
 
@@ -23,26 +24,11 @@ class Selection(Settings):
     cost: PlanCost = PlanCost()
 
 
-class Suggesting(Protocol):
-    """A replanner that has more than one plan for a task.
-
-    Attributes:
-        name: The paper's name, for tables and figures.
-        nbytes: Memory that planning needs (bytes).
-    """
-
-    @property
-    def name(self) -> str: ...  # noqa: D102 - the class docstring has both
-
-    @property
-    def nbytes(self) -> int: ...  # noqa: D102
+class Suggesting(Replanner, Protocol):
+    """A replanner that has more than one plan for a task."""
 
     def suggest(self, x: Array, count: int) -> Array:
-        """Plans τ (B, count, 264) for tasks x (B, 35), the one of :meth:`Replanner.plan` first."""
-        ...
-
-    def describe(self) -> dict[str, Any]:
-        """Settings and origin as plain JSON types, for provenance."""
+        """Plans τ (B, count, 264) for tasks x (B, 35), SI units, _S, that of ``plan`` first."""
         ...
 
 

@@ -58,6 +58,23 @@ def squares():
     return make
 
 
+def kilobytes(work):
+    """Makes makers whose products say that they are a kilobyte each."""
+
+    def make():
+        class Large(worker(work)):
+            @staticmethod
+            def pack(products):
+                class Payload(list):
+                    nbytes = 1000 * len(products)
+
+                return Payload(bytes(str(product), "ascii") for product in products)
+
+        return Large()
+
+    return make
+
+
 def file_sink(path, before=lambda payloads: None):
     """A sink that adds one line for each commit to a file."""
 
@@ -233,20 +250,9 @@ def test_workers_pause_while_the_writer_is_behind(two, tmp_path):
     started = tmp_path / "started"
     started.mkdir()
 
-    def make():
-        class Large:
-            def __call__(self, item):
-                (started / str(item)).touch()
-                return item, {"item": item}
-
-            @staticmethod
-            def pack(products):
-                class Payload(list):
-                    nbytes = 1000 * len(products)
-
-                return Payload(bytes(str(product), "ascii") for product in products)
-
-        return Large()
+    def work(item):
+        (started / str(item)).touch()
+        return item
 
     def slow(payloads):
         time.sleep(1.5)
@@ -254,7 +260,7 @@ def test_workers_pause_while_the_writer_is_behind(two, tmp_path):
     rhythm = Rhythm(batch_seconds=1e-6, commit_items=1, commit_seconds=0.1, uncommitted_bytes=3000)
     path = tmp_path / "kept"
     changes = {"make_sink": file_sink(path, slow), "rhythm": rhythm}
-    stream = two.deliver(order(path, range(30), make, **changes))
+    stream = two.deliver(order(path, range(30), kilobytes(work), **changes))
     for event in stream:
         if isinstance(event, Kept):
             break
@@ -264,23 +270,9 @@ def test_workers_pause_while_the_writer_is_behind(two, tmp_path):
 
 
 def test_what_fills_the_room_for_waiting_is_committed_at_once(cluster, tmp_path):
-    def make():
-        class Large:
-            def __call__(self, item):
-                return item, {"item": item}
-
-            @staticmethod
-            def pack(products):
-                class Payload(list):
-                    nbytes = 1000 * len(products)
-
-                return Payload(bytes(str(product), "ascii") for product in products)
-
-        return Large()
-
     rhythm = Rhythm(0.05, commit_items=10**6, commit_seconds=3600.0, uncommitted_bytes=4000)
     path = tmp_path / "kept"
-    list(cluster.deliver(order(path, range(30), make, rhythm=rhythm)))
+    list(cluster.deliver(order(path, range(30), kilobytes(lambda item: item), rhythm=rhythm)))
     assert kept(path) == dict.fromkeys(range(30), 1)
 
 
