@@ -154,7 +154,9 @@ class Appender:
         if not self._lake.exists(self._group.table):
             return Keys(), 0
         delta = self._lake.delta(self._group.table)
-        return _keys(delta, self._group), delta.transaction_version(self._group.app_id) or 0
+        return _keys(self._lake, delta, self._group), delta.transaction_version(
+            self._group.app_id
+        ) or 0
 
     def append(self, rows: pa.Table, metadata: Mapping[str, str] | None = None) -> Appended:
         """Append the rows whose keys are not in yet.
@@ -188,7 +190,7 @@ class Appender:
         number = delta.transaction_version(self._group.app_id) or 0
         joined = self._known is not None and number != self._known
         if number != self._seen:
-            self._keys = _keys(delta, self._group)
+            self._keys = _keys(self._lake, delta, self._group)
         self._known = self._seen = number
         keys = rows[self._group.key].to_numpy()
         new = ~self._keys.has(keys)
@@ -226,9 +228,9 @@ class Appender:
         return self._delta
 
 
-def _keys(delta: DeltaTable, group: Group) -> Keys:
+def _keys(lake: Lake, delta: DeltaTable, group: Group) -> Keys:
     """The keys of the group in a snapshot."""
-    dataset = delta.to_pyarrow_dataset()
+    dataset = lake.dataset(group.table, delta)
     keys = Keys()
     try:
         for batch in dataset.to_batches(columns=[group.key], filter=group.condition):

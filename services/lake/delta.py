@@ -89,6 +89,23 @@ class DeltaTables:
         """The files of a table, on whatever storage; paths are relative to the table."""
         return pafs.PyFileSystem(DeltaStorageHandler(self.uri(table), self._options))
 
+    def scanned_files(self, table: str) -> pafs.FileSystem:
+        """The same to scan rows from.
+
+        Those of a folder are Arrow's own: it may let go of a file in a thread of its own after the
+        interpreter has ended, which is an abort where Python holds the file.
+        """
+        if self.storage.is_remote:
+            return self.files(table)
+        return pafs.SubTreeFileSystem(str(self.storage.folder / table), pafs.LocalFileSystem())
+
+    def dataset(self, table: str, opened: DeltaTable) -> pads.Dataset:
+        """An opened table as an Arrow data set; columns that were added later read as null."""
+        dataset = opened.to_pyarrow_dataset(filesystem=self.scanned_files(table))
+        names = dataset.schema.names
+        added = [field for field in SCHEMAS[table] if field.name not in names]
+        return dataset.replace_schema(pa.schema([*dataset.schema, *added])) if added else dataset
+
     def delta(self, table: str, version: int | None = None) -> DeltaTable:
         """The table as delta-rs has it, in its present or an earlier version.
 
@@ -265,13 +282,6 @@ def commit_nothing(delta: DeltaTable, notes: Mapping[str, str]) -> None:
     """
     properties = CommitProperties(custom_metadata=dict(notes), max_commit_retries=0)
     delta.create_write_transaction([], "append", delta.schema(), commit_properties=properties)
-
-
-def dataset_of(delta: DeltaTable, schema: pa.Schema) -> pads.Dataset:
-    """An opened table as an Arrow data set; columns that were added later read as null."""
-    dataset = delta.to_pyarrow_dataset()
-    added = [field for field in schema if dataset.schema.get_field_index(field.name) < 0]
-    return dataset.replace_schema(pa.schema([*dataset.schema, *added])) if added else dataset
 
 
 def _lost(table: str, version: int) -> LostVersionError:

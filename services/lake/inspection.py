@@ -143,7 +143,7 @@ def readable_rows(lake: Lake, inspection: Inspection) -> pads.Dataset:
         inspection.readable,
         schema=read_schema(table),
         format="parquet",
-        filesystem=table_files(lake, table),
+        filesystem=lake.scanned_files(table),
     )
 
 

@@ -77,7 +77,7 @@ def info(lake: Lake, table: str) -> TableInfo:
     entries = [each for each in stored if each.path.startswith(f"{FOLDER}/")]
     return TableInfo(
         table=table,
-        rows=delta.to_pyarrow_dataset().count_rows(),
+        rows=lake.dataset(table, delta).count_rows(),
         files=len(listed),
         nbytes=sum(file.size for file in listed),
         stored_bytes=sum(each.size for each in stored),

@@ -17,7 +17,6 @@ import pyarrow.dataset as pads
 import pyarrow.fs as pafs
 from deltalake import CommitProperties, Transaction, write_deltalake
 
-from services.lake.delta import dataset_of
 from services.lake.examination import Examiner, file_batches, read_schema
 from services.lake.identity import listed
 from services.lake.schemas import IDENTITY, SCHEMAS
@@ -60,7 +59,7 @@ def salvage(lake: Lake, table: str, sources: Sequence[str]) -> Salvaged:
         with _Offers(folder, table) as offers:
             for number, path in enumerate(sources):
                 offers.look(number, _readable_part(files, path, table))
-            kept = dataset_of(lake.delta(table), SCHEMAS[table]) if lake.exists(table) else None
+            kept = lake.dataset(table, lake.delta(table)) if lake.exists(table) else None
             found = offers.settle(kept)
             if not found.rows:
                 return found

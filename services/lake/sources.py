@@ -6,7 +6,7 @@ from urllib.parse import unquote
 
 from deltalake import DeltaTable
 
-from services.lake.delta import FIRST_VERSION_KEY, DeltaTables, dataset_of
+from services.lake.delta import FIRST_VERSION_KEY, DeltaTables
 from services.lake.log import entry_path
 from services.lake.sandbox import Files, Source
 from services.lake.schemas import SCHEMAS, version_of
@@ -99,7 +99,7 @@ def source_of(tables: DeltaTables, table: str, delta: DeltaTable) -> Source:
         paths = tuple(map(_path, delta.file_uris()))
         if paths:
             return Files(paths, tuple(schema.names))
-    return dataset_of(delta, schema)
+    return tables.dataset(table, delta)
 
 
 def _path(uri: str) -> str:

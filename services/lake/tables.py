@@ -13,7 +13,7 @@ from deltalake.exceptions import CommitFailedError, DeltaError
 
 from services.errors import LakeError
 from services.lake.checks import conform
-from services.lake.delta import CONFLICT_RETRIES, DeltaTables, dataset_of, retried
+from services.lake.delta import CONFLICT_RETRIES, DeltaTables, retried
 from services.lake.exclusive import lock_of, rewriting
 from services.lake.identity import lacking
 from services.lake.sandbox import Source, absent, evaluated
@@ -128,7 +128,7 @@ class Lake(DeltaTables):
             LakeError: The table or a column is missing, or a file is damaged.
         """
         names = self._chosen(table, columns).names
-        dataset = dataset_of(opened or self.delta(table), SCHEMAS[table])
+        dataset = self.dataset(table, opened or self.delta(table))
         try:
             for file in dataset.get_fragments(only):
                 wanted = None if only is None else file.count_rows(filter=only)
@@ -244,7 +244,7 @@ class Lake(DeltaTables):
     def _append_new(self, table: str, rows: pa.Table, app_id: str) -> bool:
         delta = self.open_or_create(table)
         try:
-            new = lacking(table, dataset_of(delta, SCHEMAS[table]), rows)
+            new = lacking(table, self.dataset(table, delta), rows)
         except duckdb.Error as error:
             raise self.unreadable(table, error) from error
         if not new.num_rows:

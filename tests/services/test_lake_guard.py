@@ -7,7 +7,7 @@ import pytest
 
 from services.errors import LakeError
 from services.lake import sources
-from services.lake.delta import dataset_of
+from services.lake.delta import DeltaTables
 from services.lake.guard import INFORMATION, SYSTEM
 from services.lake.queries import query
 from services.lake.schemas import SCHEMAS
@@ -159,14 +159,10 @@ def test_a_view_without_its_table_says_what_makes_it(lake):
 @pytest.mark.parametrize("content", [None, b"", b"PAR1" + bytes(200), b"short"])
 def test_a_damaged_file_is_no_mistake_in_the_statement(filled, monkeypatch, content, remote):
     if remote:  # then Arrow reads, and DuckDB asks it
-        monkeypatch.setattr(sources, "source_of", lambda _, name, opened: arrow(name, opened))
+        monkeypatch.setattr(sources, "source_of", DeltaTables.dataset)
     (path,) = (filled.storage.folder / "datasets").glob("*.parquet")
     path.unlink() if content is None else path.write_bytes(content)
     says = r"^table 'datasets' cannot be read: .*`lmtr lake check`$"
     for ask in (query, lambda lake, _: lake.read("datasets")):
         with pytest.raises(LakeError, match=says):
             ask(filled, "SELECT * FROM datasets")
-
-
-def arrow(name, opened):
-    return dataset_of(opened, SCHEMAS[name])
