@@ -30,6 +30,9 @@ class Purpose(IntEnum):
     BOOTSTRAP = 5
     """Resampling of motions for confidence intervals."""
 
+    TRAINING_ROWS = 6
+    """Which training segments are learnt from, if not all are."""
+
 
 def stream(seed: int, purpose: Purpose, index: int = 0) -> np.random.Generator:
     """The random stream of ``index`` for a purpose, independent of all others."""

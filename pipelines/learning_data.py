@@ -4,8 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lmtr.arrays import Indices
 from lmtr.errors import DataError
 from lmtr.models.data import TrainingData
+from lmtr.streams import Purpose, stream
 from lmtr.vectors.mirror import mirror_segment, mirror_task
 from pipelines.config import Configuration
 from pipelines.segment_arrays import Cut, segment_arrays
@@ -22,6 +24,7 @@ class LearningData:
         version: Version of the table ``segments`` that was read.
         training: Pairs (x, τ) to learn from, with their mirror images where asked for.
         validation: Pairs held out.
+        mirrored: Whether half of the training pairs are the mirror images of the others.
     """
 
     dataset_id: str
@@ -29,6 +32,7 @@ class LearningData:
     version: int
     training: TrainingData
     validation: TrainingData
+    mirrored: bool = False
 
     @property
     def identity(self) -> list[object]:
@@ -38,6 +42,7 @@ class LearningData:
             self.segmentation_id,
             len(self.training.x),
             len(self.validation.x),
+            self.mirrored,
         ]
 
     @property
@@ -49,6 +54,7 @@ class LearningData:
             "segments_version": self.version,
             "training_rows": len(self.training.x),
             "validation_rows": len(self.validation.x),
+            "mirrored": self.mirrored,
         }
 
 
@@ -94,7 +100,8 @@ def learning_data(
     version = lake.version("segments") if at is None else at
     found = segment_arrays(lake, Cut(dataset_id, cut, version), np.float64)
     x, tau, held_out = found.x, found.tau, found.held_out
-    training = TrainingData(x[~held_out], tau[~held_out])
+    rows = _drawn(np.flatnonzero(~held_out), config)
+    training = TrainingData(x[rows], tau[rows])
     if config.training.mirror:
         training = TrainingData(
             np.concatenate([training.x, mirror_task(training.x)]),
@@ -106,4 +113,14 @@ def learning_data(
         version,
         training,
         TrainingData(x[held_out], tau[held_out]),
+        config.training.mirror,
     )
+
+
+def _drawn(rows: Indices, config: Configuration) -> Indices:
+    """Those of the training rows that are learnt from, in their order."""
+    most = config.training.segments
+    if most is None or most >= len(rows):
+        return rows
+    rng = stream(config.dataset.seed, Purpose.TRAINING_ROWS)
+    return np.sort(rng.permutation(rows)[:most])

@@ -52,6 +52,8 @@ class TrainingSection(Settings):
         latent: Latent dimensions n, one model each; 0 is the unimodal regressor.
         seeds: Training seeds, one model each.
         validation_share: Share of the solutions held out (never single segments).
+        segments: At most so many training segments, drawn at random from all solutions; a smaller
+            number gives a part of what a larger one does. None takes all.
         mirror: Add the left-right mirror image of every training segment.
         model: Architecture and loss shared by all; ``latent`` stands above.
         optimizer: Optimisation shared by all; ``seeds`` stand above.
@@ -64,6 +66,7 @@ class TrainingSection(Settings):
     )
     seeds: Annotated[tuple[Seed, ...], Field(min_length=1)] = (0,)
     validation_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.1
+    segments: Annotated[int, Field(ge=2)] | None = None
     mirror: bool = True
     model: ModelSettings = ModelSettings()
     optimizer: TrainingSettings = TrainingSettings()

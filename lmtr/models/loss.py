@@ -34,6 +34,7 @@ def cvae_loss(
     log_variance: Tensor,
     kappa: float,
     reduction: Literal["mean", "sum"],
+    weights: Tensor | None = None,
 ) -> Loss:
     """Eq. 5 on one batch.
 
@@ -44,8 +45,11 @@ def cvae_loss(
         log_variance: Encoder's log σ², (B, n).
         kappa: κ.
         reduction: Over the dimensions of τ; it decides, with the scaling of τ, what κ means.
+        weights: How much each dimension of τ counts, (264,); all alike by default.
     """
     error = (tau - tau_hat).abs()  # (B, 264)
+    if weights is not None:
+        error = error * weights
     per_segment = error.mean(dim=-1) if reduction == "mean" else error.sum(dim=-1)  # (B,)
     reconstruction, kl = per_segment.mean(), gaussian_kl(mu, log_variance).mean()
     return Loss(torch.add(reconstruction, kl, alpha=kappa), reconstruction, kl)

@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from lmtr.models.weighting import LossWeights
 from lmtr.settings import Count, NonNegative, Positive, Seed, Settings
 
 Activation = Literal["elu", "relu", "tanh"]
@@ -23,6 +24,7 @@ class ModelSettings(Settings):
         kappa: κ, weight of the KL divergence in Eq. 5.
         reduction: Over the standardised dimensions of τ, the L1 error's mean or (Eq. 5 to the
             letter) its sum.
+        loss_weights: What the L1 error is measured in, by category of τ.
         task_noise: Standard deviation of the Gaussian noise on task inputs in training, in units
             of each task dimension's standard deviation; the paper's 1 %.
     """
@@ -32,6 +34,7 @@ class ModelSettings(Settings):
     activation: Activation = "elu"
     kappa: NonNegative = 0.001
     reduction: Literal["mean", "sum"] = "mean"
+    loss_weights: LossWeights = LossWeights()
     task_noise: NonNegative = 0.01
 
     @model_validator(mode="after")

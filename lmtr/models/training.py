@@ -24,6 +24,7 @@ from lmtr.models.reconstruction import reconstruction_errors
 from lmtr.models.record import EpochRecord, ValidationRecord
 from lmtr.models.settings import ModelSettings, TrainingSettings
 from lmtr.models.trained import TrainedModel
+from lmtr.models.weighting import LossWeights
 from lmtr.robot.model import RobotModel
 from lmtr.vectors.layout import SEGMENT_LAYOUT, TASK_LAYOUT
 from lmtr.vectors.scaling import Standardiser
@@ -67,10 +68,12 @@ def train(
     segment_scaling = Standardiser.fit(SEGMENT_LAYOUT, training.tau)
     with torch_threads(training_settings.threads):
         device = _device(training_settings)
+        weights = _weights(model_settings, segment_scaling, robot, device)
         fit = _Fit(
             model_settings,
             training_settings,
             _Batch.of(training, task_scaling, segment_scaling, device),
+            weights,
         )
         judge = _Judge(
             _Batch.of(validation, task_scaling, segment_scaling, device),
@@ -169,8 +172,15 @@ class _Candidate:
 class _Fit:
     """The CVAE in training: weights, optimiser, schedule and sources of noise."""
 
-    def __init__(self, settings: ModelSettings, training: TrainingSettings, data: _Batch) -> None:
+    def __init__(
+        self,
+        settings: ModelSettings,
+        training: TrainingSettings,
+        data: _Batch,
+        weights: Tensor | None,
+    ) -> None:
         self.settings, self._training, self._data = settings, training, data
+        self._weights = weights
         device = data.x.device
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(training.seed)
@@ -209,12 +219,25 @@ class _Fit:
 
     def _step(self, batch: _Batch) -> Loss:
         x = batch.x + self.settings.task_noise * normal_like(batch.x, self._noise)  # (B, 35)
-        loss = _loss(self.cvae, batch.tau, x, self._noise, self.settings)
+        loss = self.loss(_Batch(x, batch.tau), self._noise)
         self._optimiser.zero_grad(set_to_none=True)
         loss.total.backward()  # type: ignore[no-untyped-call]
         self._optimiser.step()
         self._schedule.step()
         return loss
+
+    def loss(self, batch: _Batch, noise: Generator) -> Loss:
+        """Eq. 5 of a batch with the present weights."""
+        out = self.cvae(batch.tau, batch.x, noise)
+        return cvae_loss(
+            batch.tau,
+            out.tau_hat,
+            out.mu,
+            out.log_variance,
+            self.settings.kappa,
+            self.settings.reduction,
+            self._weights,
+        )
 
 
 @dataclass(frozen=True)
@@ -236,7 +259,7 @@ class _Judge:
         """
         cvae, x, tau = fit.cvae, self.scaled.x, self.scaled.tau
         noise = Generator(x.device).manual_seed(self.seed)
-        loss = _loss(cvae, tau, x, noise, fit.settings)
+        loss = fit.loss(self.scaled, noise)
         _require_finite(float(loss.total), f"validation loss of {fit.settings.name}")
         mu, _ = cvae.encode(tau, x)
         tau_hat = self.segment_scaling.invert(cvae.decode(mu, x).double().cpu().numpy())
@@ -249,9 +272,14 @@ class _Judge:
         )
 
 
-def _loss(cvae: CVAE, tau: Tensor, x: Tensor, noise: Generator, settings: ModelSettings) -> Loss:
-    out = cvae(tau, x, noise)
-    return cvae_loss(tau, out.tau_hat, out.mu, out.log_variance, settings.kappa, settings.reduction)
+def _weights(
+    settings: ModelSettings, scaling: Standardiser, robot: RobotModel, device: torch.device
+) -> Tensor | None:
+    """How much each dimension's error counts, (264,); None if all count alike."""
+    if settings.loss_weights == LossWeights():
+        return None
+    weights = settings.loss_weights.of(scaling, robot.weight)
+    return torch.as_tensor(weights, dtype=torch.float32, device=device)
 
 
 def _require_finite(loss: float, what: str) -> None:

@@ -66,6 +66,26 @@ def test_without_the_mirror_only_the_solutions_themselves_are_learnt(
     np.testing.assert_array_equal(training.tau, stored["train"][1])
 
 
+def test_fewer_segments_are_a_part_of_more_and_of_all_solutions(
+    workspace, tiny_config, dataset_id, stored
+):
+    def drawn(count):
+        overrides = [f"training.segments={count}", "training.mirror=false"]
+        return learning_data(load(str(tiny_config), overrides), workspace, dataset_id)
+
+    rows = [row.tobytes() for row in stored["train"][0]]
+    few, more = (drawn(count) for count in (len(rows) // 4, len(rows) // 2))
+    places = [[rows.index(row.tobytes()) for row in each.training.x] for each in (few, more)]
+    assert [len(each) for each in places] == [len(rows) // 4, len(rows) // 2]
+    assert set(places[0]) < set(places[1])
+    assert places[1] == sorted(places[1])  # pairs stay pairs, in the order of the lake
+    np.testing.assert_array_equal(more.training.tau, stored["train"][1][places[1]])
+    assert max(places[0]) - min(places[0]) > len(rows) // 2
+    assert few.identity != more.identity
+    assert len(few.validation.x) == len(stored["validation"][0])
+    assert len(drawn(10 * len(rows)).training.x) == len(rows)
+
+
 def test_validation_rows_are_those_of_held_out_solutions_unmirrored(data, stored):
     np.testing.assert_array_equal(data.validation.x, stored["validation"][0])
     np.testing.assert_array_equal(data.validation.tau, stored["validation"][1])
