@@ -128,7 +128,7 @@ def builtin_names() -> list[str]:
 
 
 def load(source: str | None, overrides: Sequence[str] = ()) -> Configuration:
-    """Read and check a configuration.
+    """Read and check a configuration; its variants (:mod:`pipelines.study`) are not looked at.
 
     Args:
         source: A built-in name, the path of a TOML file, or None for the defaults.
@@ -137,10 +137,21 @@ def load(source: str | None, overrides: Sequence[str] = ()) -> Configuration:
     Raises:
         ConfigurationError: The file is missing or no TOML, or a setting is unknown or wrong.
     """
+    tree = settings_tree(source, overrides)
+    tree.pop("variants", None)
+    return parse(tree)
+
+
+def settings_tree(source: str | None, overrides: Sequence[str] = ()) -> dict[str, Any]:
+    """What a file and the overrides set, unchecked, with the variants if the file has some.
+
+    Raises:
+        ConfigurationError: The file is missing or no TOML, or an override is no assignment.
+    """
     tree = _read(source) if source is not None else {}
     for override in overrides:
         _set(tree, override)
-    return parse(tree)
+    return tree
 
 
 def parse(tree: Mapping[str, Any]) -> Configuration:

@@ -1,33 +1,65 @@
-"""All stages in a row: from a configuration to a report."""
+"""All stages in a row: from a configuration, or a study of several, to a report."""
 
 import time
+from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 
 from pipelines.config import Configuration
 from pipelines.evaluate import evaluate
 from pipelines.generate import generate
 from pipelines.invocation import command, short
-from pipelines.learning_data import learning_data
+from pipelines.learning_data import LearningData, learning_data
 from pipelines.progress import say
 from pipelines.report import report
 from pipelines.segment import segment
+from pipelines.stage_times import StageTimes
+from pipelines.study import BASE, Study
 from pipelines.train import train
 from pipelines.workspace import Workspace
 
+STAGES = "stages.json"
+"""File of a study's folder with the time that each stage took."""
 
-def run(config: Configuration, workspace: Workspace) -> Path:
+
+@dataclass(frozen=True)
+class Made:
+    """What one configuration of a study made.
+
+    Attributes:
+        config: The configuration.
+        data: Its data set, read.
+        model_ids: Its models.
+        evaluation_ids: Its evaluations.
+    """
+
+    config: Configuration
+    data: LearningData
+    model_ids: list[str]
+    evaluation_ids: list[str]
+
+
+def run(study: Study, workspace: Workspace) -> Path:
     """Generate, segment, train, evaluate, report; returns the report's page.
 
     Every stage skips what is done, so an interrupted run goes on where it stopped.
     """
     began = time.monotonic()
-    dataset_id = generate(config, workspace)
-    segment(config, workspace, dataset_id)
-    data = learning_data(config, workspace, dataset_id)
-    model_ids = train(config, workspace, data)
-    evaluation_ids = evaluate(config, workspace, data, model_ids)
-    page = report(workspace, data, model_ids, evaluation_ids, config)
+    times = StageTimes(workspace.home.reports / study.name / STAGES)
+    made = {}
+    with ExitStack() as shared:
+        if len(study.configurations) > 1 and workspace.cluster_settings.workers != 0:
+            # Stages share a Ray that runs already; starting one for each would take minutes.
+            shared.enter_context(workspace.cluster(study.base.dataset.solutions))
+        for name, config in study.configurations.items():
+            if len(study.configurations) > 1:
+                say(f"\n{study.name}: {name}")
+            made[name] = _make(name, config, workspace, times)
+    base = made[BASE]
+    with times.of(BASE, "report"):
+        page = report(workspace, base.data, base.model_ids, base.evaluation_ids, base.config)
     say(f"\nDone in {time.monotonic() - began:.0f} s.")
+    times.tell()
     say(f"Report:      {short(page)}")
     say(f"Experiments: {command(workspace)} ui")
     say(
@@ -35,3 +67,17 @@ def run(config: Configuration, workspace: Workspace) -> Path:
         'close FROM evaluations ORDER BY close"'
     )
     return page
+
+
+def _make(name: str, config: Configuration, workspace: Workspace, times: StageTimes) -> Made:
+    """All stages of one configuration but for the report."""
+    with times.of(name, "generate"):
+        dataset_id = generate(config, workspace)
+    with times.of(name, "segment"):
+        segment(config, workspace, dataset_id)
+        data = learning_data(config, workspace, dataset_id)
+    with times.of(name, "train"):
+        model_ids = train(config, workspace, data)
+    with times.of(name, "evaluate"):
+        evaluation_ids = evaluate(config, workspace, data, model_ids)
+    return Made(config, data, model_ids, evaluation_ids)

@@ -1,11 +1,13 @@
 """Options that several commands share, and what they resolve to."""
 
 import os
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pipelines.config import Configuration, load
+from pipelines.config import Configuration
+from pipelines.study import Study, load_study, load_variant
 from pipelines.workspace import Workspace
 
 if TYPE_CHECKING:
@@ -26,6 +28,12 @@ ConfigOption = Annotated[
     str | None,
     typer.Option(
         "--config", "-c", help="Built-in name or path of a TOML file. [default: all defaults]"
+    ),
+]
+VariantOption = Annotated[
+    str | None,
+    typer.Option(
+        "--variant", help="One of the variants of the configuration's file. [default: none]"
     ),
 ]
 SetOption = Annotated[
@@ -66,19 +74,32 @@ def resolve_home(ctx: typer.Context, home: str | None) -> str:
 
 
 def configuration(
-    config: str | None, overrides: list[str] | None, **options: object
+    config: str | None,
+    overrides: list[str] | None,
+    variant: str | None = None,
+    **options: object,
 ) -> Configuration:
     """The configuration with ``--set`` overrides and then the command's own options applied.
 
     Args:
         config: Built-in name, path, or None.
         overrides: ``section.key=value`` as typed.
+        variant: One of the configuration's variants; None for what they vary.
         options: Dotted keys with ``__`` for the dot; None leaves a setting as it is.
     """
-    typed = [
+    return load_variant(config, _typed(overrides, options), variant)
+
+
+def study(config: str, overrides: list[str] | None, **options: object) -> Study:
+    """The same with all variants."""
+    return load_study(config, _typed(overrides, options))
+
+
+def _typed(overrides: list[str] | None, options: Mapping[str, object]) -> list[str]:
+    given = [
         f"{key.replace('__', '.')}={value}" for key, value in options.items() if value is not None
     ]
-    return load(config, [*(overrides or []), *typed])
+    return [*(overrides or []), *given]
 
 
 def workspace(

@@ -15,6 +15,7 @@ from pipelines.cli.options import (
     DatasetOption,
     HomeOption,
     SetOption,
+    VariantOption,
     WorkersOption,
 )
 
@@ -40,7 +41,10 @@ def register(app: typer.Typer) -> None:
 def run(
     ctx: typer.Context,
     config: Annotated[
-        str, typer.Argument(help="Built-in name (`demo`) or path of a TOML file.", metavar="CONFIG")
+        str,
+        typer.Argument(
+            help="Built-in name (`demo`, `paper`, …) or path of a TOML file.", metavar="CONFIG"
+        ),
     ],
     overrides: SetOption = None,
     workers: WorkersOption = None,
@@ -49,12 +53,12 @@ def run(
     """Do everything: generate, segment, train, evaluate, report.
 
     Each stage skips what is done and continues what was interrupted, so the same command may be
-    repeated at will.
+    repeated at will. A configuration with [[variants]] is a study: all of them are carried out.
     """
     from pipelines.run import run as run_all
 
-    settings = options.configuration(config, overrides, cluster__workers=workers)
-    run_all(settings, options.workspace(ctx, home, settings, create=True))
+    study = options.study(config, overrides, cluster__workers=workers)
+    run_all(study, options.workspace(ctx, home, study.base, create=True))
 
 
 def generate(
@@ -80,6 +84,7 @@ def generate(
         ),
     ] = None,
     config: ConfigOption = None,
+    variant: VariantOption = None,
     overrides: SetOption = None,
     home: HomeOption = None,
 ) -> None:
@@ -94,6 +99,7 @@ def generate(
     settings = options.configuration(
         config,
         overrides,
+        variant,
         dataset__solutions=solutions,
         dataset__seed=seed,
         cluster__workers=workers,
@@ -111,13 +117,14 @@ def segment(
     workers: WorkersOption = None,
     dataset: DatasetOption = None,
     config: ConfigOption = None,
+    variant: VariantOption = None,
     overrides: SetOption = None,
     home: HomeOption = None,
 ) -> None:
     """Cut the accepted solutions into segments of 0.8 s and one swing per leg."""
     from pipelines.segment import segment as cut
 
-    settings = options.configuration(config, overrides, cluster__workers=workers)
+    settings = options.configuration(config, overrides, variant, cluster__workers=workers)
     space = options.workspace(ctx, home, settings)
     cut(settings, space, options.dataset_id(space, settings, config, dataset))
 
@@ -133,6 +140,7 @@ def train(
     workers: WorkersOption = None,
     dataset: DatasetOption = None,
     config: ConfigOption = None,
+    variant: VariantOption = None,
     overrides: SetOption = None,
     at: AtOption = None,
     home: HomeOption = None,
@@ -143,6 +151,7 @@ def train(
     settings = options.configuration(
         config,
         overrides,
+        variant,
         training__latent=f"[{latent}]" if latent is not None else None,
         cluster__workers=workers,
     )
@@ -158,6 +167,7 @@ def evaluate(
     workers: WorkersOption = None,
     dataset: DatasetOption = None,
     config: ConfigOption = None,
+    variant: VariantOption = None,
     overrides: SetOption = None,
     at: AtOption = None,
     home: HomeOption = None,
@@ -166,7 +176,7 @@ def evaluate(
     from pipelines.evaluate import evaluate as roll_out
 
     settings = options.configuration(
-        config, overrides, evaluation__rollouts=rollouts, cluster__workers=workers
+        config, overrides, variant, evaluation__rollouts=rollouts, cluster__workers=workers
     )
     space = options.workspace(ctx, home, settings)
     roll_out(settings, space, options.learning_data(space, settings, config, dataset, at))
@@ -176,6 +186,7 @@ def report(
     ctx: typer.Context,
     dataset: DatasetOption = None,
     config: ConfigOption = None,
+    variant: VariantOption = None,
     overrides: SetOption = None,
     at: AtOption = None,
     home: HomeOption = None,
@@ -183,6 +194,6 @@ def report(
     """Write the HTML report of a data set, its models and its rollouts."""
     from pipelines.report import report as write
 
-    settings = options.configuration(config, overrides)
+    settings = options.configuration(config, overrides, variant)
     space = options.workspace(ctx, home, settings)
     typer.echo(write(space, options.learning_data(space, settings, config, dataset, at)))
