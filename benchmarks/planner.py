@@ -8,7 +8,6 @@ learnt does not change its time, so one epoch will do.
 from collections.abc import Callable, Iterator
 from time import perf_counter
 
-import faiss
 import numpy as np
 from threadpoolctl import threadpool_limits
 
@@ -99,6 +98,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    faiss.omp_set_num_threads(1)
     with threadpool_limits(1):
         main()

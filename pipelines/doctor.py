@@ -38,7 +38,6 @@ LIBRARIES = (
     ("deltalake", "deltalake"),
     ("obstore", "obstore"),
     ("pyarrow", "pyarrow"),
-    ("faiss-cpu", "faiss"),
 )
 """Distribution and module of what the stages cannot do without."""
 

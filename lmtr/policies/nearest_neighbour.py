@@ -1,33 +1,25 @@
 """Exact nearest neighbours among tasks, the argmin of Eqs. 7 and 8.
 
-A flat search beats trees at this size and dimension: about 0.1 ms for 25,000 tasks. Both sides
-are scaled beforehand so that the weighted norm becomes a plain L1 norm, in single precision; the
-few candidates that come back are then measured again in double precision and ordered by
-(distance, row), because ties are common: segments of one epoch differ in their goals alone, and
-with γ at weight 0 they are equally near.
+Tasks are scaled beforehand so that the weighted norm becomes a plain L1 norm, in single precision.
+Distances are measured in double precision, and only to those tasks that cheap lower bounds
+(:mod:`lmtr.policies.distance_bounds`) do not rule out: about 0.1 ms for 25,000 tasks, a third of
+what a flat search takes that measures them all. Tasks are ordered by (distance, row), because ties
+are common: segments of one epoch differ in their goals alone, and with γ at weight 0 they are
+equally near.
 """
 
-import faiss
 import numpy as np
 from numpy.typing import NDArray
 
-from lmtr.arrays import Array, Flags
+from lmtr.arrays import Array, Indices
 from lmtr.errors import DataError
 from lmtr.models.rows import finite_rows
 from lmtr.policies.distance import TaskWeights
+from lmtr.policies.distance_bounds import DistanceBounds
 from lmtr.vectors.scaling import Standardiser
 
-Rows = NDArray[np.int64]
-"""Rows of the library, as FAISS counts them."""
-
-SPARE = 8
-"""Candidates beyond the k asked for, to see whether the k-th is tied."""
-
-LANES = 8
-"""The search takes so many dimensions at a time; a row padded to a multiple of it with zeros is
-found up to 30 % faster than one with a remainder."""
-
-ROUNDING = float(np.finfo(np.float32).eps)
+ROUNDING = 1e-5
+"""Relative error of a sum of 35 distances in single precision, which is below 36 · 2⁻²⁴ = 2e-6."""
 
 
 class TaskIndex:
@@ -58,20 +50,19 @@ class TaskIndex:
             )
         self._scale = w[self._used] / standardiser.scale[self._used]
         self._centre = standardiser.mean[self._used]
-        rows = self._scaled(x)
-        self._largest_norm = float(np.abs(rows).sum(axis=1).max())
-        self._index = faiss.IndexFlat(rows.shape[1], faiss.METRIC_L1)
-        self._index.add(rows)
+        self._rows = self._scaled(x)
+        self._ones = np.ones(len(self._used), dtype=np.float32)
+        self._bounds = DistanceBounds(self._rows)
 
     def __len__(self) -> int:
-        return int(self._index.ntotal)
+        return len(self._rows)
 
     @property
     def nbytes(self) -> int:
-        """Memory of the scaled tasks (bytes)."""
-        return len(self) * int(self._index.d) * np.dtype(np.float32).itemsize
+        """Memory of the scaled tasks and their bounds (bytes)."""
+        return self._rows.nbytes + self._bounds.nbytes
 
-    def query(self, x: Array, k: int = 1) -> tuple[Array, Rows]:
+    def query(self, x: Array, k: int = 1) -> tuple[Array, Indices]:
         """The k nearest library tasks of each task, nearest first, ties by lower row.
 
         Args:
@@ -87,35 +78,36 @@ class TaskIndex:
         x = finite_rows("tasks", x, self._layout)
         if not 1 <= k <= len(self):
             raise DataError(f"task index: k must be in 1..{len(self)} (its tasks), got {k}")
-        queries = self._scaled(x)
-        count = min(k + SPARE, len(self))
-        reached, candidates = self._index.search(queries, count)
-        distances, order = self._ranked(queries, candidates, k)
-        if count < len(self):
-            for row in np.flatnonzero(self._is_tied(queries, reached, k)):
-                everything = np.arange(len(self))[None, :]
-                one = slice(row, row + 1)
-                distances[one], order[one] = self._ranked(queries[one], everything, k)
-        return distances, order
+        distances, rows = np.empty((len(x), k)), np.empty((len(x), k), dtype=np.intp)
+        for place, query in enumerate(self._scaled(x)):
+            distances[place], rows[place] = self._nearest(query, k)
+        return distances, rows
 
     def _scaled(self, x: Array) -> NDArray[np.float32]:
-        scaled = np.zeros((len(x), -(-len(self._used) // LANES) * LANES), dtype=np.float32)
-        scaled[:, : len(self._used)] = (x[:, self._used] - self._centre) * self._scale
-        return scaled
+        return ((x[:, self._used] - self._centre) * self._scale).astype(np.float32)
 
-    def _is_tied(self, queries: NDArray[np.float32], reached: NDArray[np.float32], k: int) -> Flags:
-        """Whether tasks beyond the candidates may be as near as the k-th, up to rounding."""
-        norms = np.abs(queries).sum(axis=1) + self._largest_norm
-        slack = ROUNDING * (norms + queries.shape[1] * reached[:, -1])
-        return np.asarray(reached[:, -1] - reached[:, k - 1] <= slack)
+    def _nearest(self, query: NDArray[np.float32], k: int) -> tuple[Array, Indices]:
+        """Distances and rows (k,) of one scaled task (D,)."""
+        bounds = self._bounds.of(query)
+        # The tasks of the least bounds are near, so no task beyond the k-th of them can be nearest.
+        few = min(2 * k + 16, len(self)) - 1
+        promising = np.flatnonzero(bounds <= np.partition(bounds, few)[few])
+        reach = self._kth(self._about(query, promising), k)
+        rows = np.flatnonzero(bounds <= self._bounds.highest(reach))
+        about = self._about(query, rows)
+        rows = rows[about <= self._kth(about, k)]
+        apart = np.abs(self._rows[rows].astype(np.float64) - query).sum(axis=-1)
+        order = apart.argsort(kind="stable")[:k]  # rows ascend: equal distances keep them in order
+        return apart[order], rows[order]
 
-    def _ranked(self, queries: NDArray[np.float32], candidates: Rows, k: int) -> tuple[Array, Rows]:
-        """The k nearest of the candidates (B, C) in double precision, ties by lower row."""
-        rows = self._index.reconstruct_batch(candidates.reshape(-1))
-        rows = rows.reshape(*candidates.shape, queries.shape[1]).astype(np.float64)
-        distances = np.abs(rows - queries[:, None, :]).sum(axis=-1)
-        order = np.lexsort((candidates, distances), axis=-1)[:, :k]
-        return (
-            np.take_along_axis(distances, order, axis=-1),
-            np.take_along_axis(candidates, order, axis=-1),
-        )
+    def _about(self, query: NDArray[np.float32], rows: Indices) -> NDArray[np.float32]:
+        """Distances of some rows in single precision, to a relative :data:`ROUNDING` at most."""
+        apart = self._rows[rows]
+        apart -= query
+        np.abs(apart, out=apart)
+        return np.asarray(apart @ self._ones)
+
+    @staticmethod
+    def _kth(about: NDArray[np.float32], k: int) -> float:
+        """What the k-th of distances may be at most."""
+        return float(np.partition(about, k - 1)[k - 1]) * (1.0 + 2.0 * ROUNDING)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from lmtr.errors import DataError
 from lmtr.policies.distance import TaskWeights
-from lmtr.policies.nearest_neighbour import SPARE, TaskIndex
+from lmtr.policies.nearest_neighbour import TaskIndex
 from lmtr.vectors.layout import TASK_LAYOUT
 from lmtr.vectors.scaling import Standardiser
 
@@ -56,9 +56,9 @@ def test_scaled_real_numbers_agree_with_brute_force_too():
     np.testing.assert_array_equal(indices, expected)
 
 
-def test_more_ties_than_spare_candidates_still_give_the_lowest_row():
+def test_many_ties_still_give_the_lowest_rows():
     rng = np.random.default_rng(0)
-    twins = np.tile(rng.standard_normal(TASK_LAYOUT.size), (5 * SPARE, 1))
+    twins = np.tile(rng.standard_normal(TASK_LAYOUT.size), (40, 1))
     others = 9.0 + rng.standard_normal((20, TASK_LAYOUT.size))
     library = np.concatenate([others, twins])
     _, indices = TaskIndex(library, TaskWeights(), UNIT).query(twins[:2] + 0.01, 3)
@@ -67,7 +67,7 @@ def test_more_ties_than_spare_candidates_still_give_the_lowest_row():
 
 def test_tasks_that_single_precision_cannot_tell_apart_are_still_ranked():
     # Far away, differences of 1e-6 vanish in the sum; the last of many is the nearest.
-    count = 5 * SPARE
+    count = 40
     library = np.zeros((count, TASK_LAYOUT.size))
     library[:, TASK_LAYOUT.slice("height")] = 1000.0
     library[:, TASK_LAYOUT.slice("LF_time_since_liftoff")] = 1e-6 * np.arange(count, 0, -1)[:, None]
@@ -105,3 +105,13 @@ def test_what_cannot_be_searched_is_refused():
     only_eta = TaskWeights.of([0.0, 0.0, 1.0, 0.0])
     with pytest.raises(DataError, match="constant"):
         TaskIndex(library, only_eta, Standardiser.fit(TASK_LAYOUT, library))
+
+
+def test_a_task_is_looked_up_alone_as_in_company_to_the_last_bit():
+    library, x = np.random.default_rng(4).standard_normal((2, 500, TASK_LAYOUT.size))
+    index = TaskIndex(library, TaskWeights.of([1.0, 1.0, 5.0, 0.5]), UNIT)
+    together = index.query(x, 5)
+    for row in range(0, 500, 50):
+        alone = index.query(x[row : row + 1], 5)
+        for one, many in zip(alone, together, strict=True):
+            np.testing.assert_array_equal(one[0], many[row])
