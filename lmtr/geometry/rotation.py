@@ -87,6 +87,19 @@ def rotation_matrix(rpy: Array) -> Array:
     return _stack(rotation_rows(rpy[..., 0], rpy[..., 1], rpy[..., 2], np))
 
 
+def forward_axis(rpy: Array) -> Array:
+    """The base's own x axis in the world, R's first column, for angles (..., 3); (..., 3)."""
+    forward_of_pitch = np.cos(rpy[..., 1])
+    return np.stack(
+        [
+            np.cos(rpy[..., 2]) * forward_of_pitch,
+            np.sin(rpy[..., 2]) * forward_of_pitch,
+            -np.sin(rpy[..., 1]),
+        ],
+        axis=-1,
+    )
+
+
 def angular_velocity_W(rpy: Array, rpy_rate: Array) -> Array:
     """World angular velocity ω_W (..., 3) in rad/s from angles and their rates (..., 3)."""
     rates = _stack(rate_rows(rpy[..., 1], rpy[..., 2], np))

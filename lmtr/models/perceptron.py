@@ -14,20 +14,30 @@ import numpy as np
 from lmtr.arrays import Array
 from lmtr.models.settings import Activation
 
-
-def _elu(h: Array) -> Array:
-    return np.maximum(h, np.expm1(np.minimum(h, 0.0)))  # eʰ − 1 ≥ h, so the maximum selects
-
-
-def _relu(h: Array) -> Array:
-    return np.maximum(h, 0.0)
+ROWS_AT_ONCE = 128
+"""Rows that pass through all layers together, few enough to stay in the processor's cache."""
 
 
-ACTIVATIONS: dict[Activation, Callable[[Array], Array]] = {
+def _elu(h: Array) -> None:
+    beyond = np.minimum(h, 0.0)
+    np.expm1(beyond, out=beyond)
+    np.maximum(h, beyond, out=h)  # eʰ − 1 ≥ h, so the maximum selects
+
+
+def _relu(h: Array) -> None:
+    np.maximum(h, 0.0, out=h)
+
+
+def _tanh(h: Array) -> None:
+    np.tanh(h, out=h)
+
+
+ACTIVATIONS: dict[Activation, Callable[[Array], None]] = {
     "elu": _elu,
     "relu": _relu,
-    "tanh": np.tanh,
+    "tanh": _tanh,
 }
+"""Nonlinearities, applied in place."""
 
 
 @dataclass(frozen=True)
@@ -59,11 +69,21 @@ class Perceptron:
 
     def __call__(self, inputs: Array) -> Array:
         """Outputs (B, outputs) for ``inputs`` (B, inputs)."""
+        outputs = np.empty((len(inputs), len(self.biases[-1])))
+        for start in range(0, len(inputs), ROWS_AT_ONCE):
+            rows = slice(start, start + ROWS_AT_ONCE)
+            self._pass(inputs[rows], outputs[rows])
+        return outputs
+
+    def _pass(self, h: Array, outputs: Array) -> None:
+        """Outputs of a few inputs, written to where they belong."""
         activate = ACTIVATIONS[self.activation]
-        h = inputs
         for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
-            h = activate(h @ weight + bias)
-        return np.asarray(h @ self.weights[-1] + self.biases[-1])
+            h = h @ weight
+            h += bias
+            activate(h)
+        np.matmul(h, self.weights[-1], out=outputs)
+        outputs += self.biases[-1]
 
     def after(self, scaling: Affine) -> "Perceptron":
         """The same network on inputs that ``scaling`` has yet to be applied to."""

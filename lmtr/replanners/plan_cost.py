@@ -8,10 +8,11 @@ import numpy as np
 
 from lmtr.arrays import Array
 from lmtr.geometry.line import signed_distance
-from lmtr.geometry.rotation import rotation_matrix
+from lmtr.geometry.rotation import forward_axis
 from lmtr.robot.model import FEET, RobotModel
 from lmtr.settings import NonNegative, Positive, Settings
-from lmtr.trajectory.sample import sample_base, sample_feet
+from lmtr.spline import hermite
+from lmtr.trajectory.nodes import POSITION, RATE, RPY, SWING_POSITION, SWING_VELOCITY, VALUE
 from lmtr.trajectory.trajectory import BASE_STEP, Trajectory
 from lmtr.vectors.layout import SEGMENT_NODES, TASK_LAYOUT
 from lmtr.vectors.segment_vector import decode_segment
@@ -75,23 +76,26 @@ class PlanCost(Settings):
 
     def _kinematics(self, plan: Trajectory, feet: Array, stands: Array, robot: RobotModel) -> Array:
         """Mean excess of standing feet over the range of motion; those that stand stay there."""
-        times: Array = BASE_STEP * np.arange(1.0, SEGMENT_NODES)
-        base, planned = sample_base(plan, times), sample_feet(plan, times)
-        anchored = (planned.stance == 0) & stands[..., None, :]
-        place = np.where(anchored[..., None], feet[..., None, :, :], planned.position)
-        forward_axis = rotation_matrix(base.rpy)[..., None, :, 0]
-        forward = ((place - base.position[..., None, :]) * forward_axis).sum(axis=-1)
-        beyond = np.abs(forward - robot.nominal_feet_B[:, 0]) - self.forward_limit
-        excess = np.where(planned.contact, np.maximum(beyond, 0.0), 0.0)
-        contacts = np.maximum(planned.contact.sum(axis=(-2, -1)), 1)
+        # At the base's nodes no spline has to be evaluated. All below is (B, K, nodes, 4).
+        times: Array = BASE_STEP * np.arange(1.0, SEGMENT_NODES)[:, None]
+        base = plan.base_nodes[..., 1:, VALUE, :]
+        axis = forward_axis(base[..., RPY])
+        ahead_of_base = (base[..., POSITION] * axis).sum(axis=-1)[..., None]
+        first = np.where(stands[..., None], feet, plan.footholds[..., 0, :])
+        in_first = times < plan.liftoff_times[..., None, :, 0]
+        in_second = times >= plan.touchdown_times[..., None, :, 0]
+        excess = np.zeros(in_first.shape)
+        for place, there in ((first, in_first), (plan.footholds[..., 1, :], in_second)):
+            forward = _along(axis, place) - ahead_of_base
+            beyond = np.abs(forward - robot.nominal_feet_B[:, 0]) - self.forward_limit
+            excess += np.where(there, np.maximum(beyond, 0.0), 0.0)
+        contacts = np.maximum((in_first | in_second).sum(axis=(-2, -1)), 1)
         return np.asarray(excess.sum(axis=(-2, -1)) / contacts / self.excess)
 
     def _jump(self, plan: Trajectory, velocity: Array, feet: Array) -> Array:
         """Jumps of the base's velocity and of the feet where the plan begins."""
-        now: Array = np.zeros(1)
-        base, planned = sample_base(plan, now), sample_feet(plan, now)
-        of_base = np.linalg.norm(base.velocity[..., 0, :] - velocity, axis=-1)
-        of_feet = np.linalg.norm(planned.position[..., 0, :, :] - feet, axis=-1).mean(axis=-1)
+        of_base = _norm(plan.base_nodes[..., 0, RATE, POSITION] - velocity)
+        of_feet = _norm(feet_at_epoch(plan) - feet).mean(axis=-1)
         return np.asarray(of_base / self.velocity_jump + of_feet / self.foot_jump)
 
     def _lag(self, plan: Trajectory, goal: Array) -> Array:
@@ -100,3 +104,41 @@ class PlanCost(Settings):
         moved = plan.base_nodes[..., -1, 0, :2] - plan.base_nodes[..., 0, 0, :2]
         way = (moved * direction).sum(axis=-1)
         return np.asarray((way.max(axis=-1, keepdims=True) - way) / self.lag)
+
+
+def feet_at_epoch(plan: Trajectory) -> Array:
+    """Where the feet of segments (...) are at time 0, (..., 4, 3) in m.
+
+    That of :func:`~lmtr.trajectory.sample.sample_feet`, which evaluates forces and velocities too.
+    """
+    liftoff, touchdown = plan.liftoff_times[..., 0], plan.touchdown_times[..., 0]
+    first, second = plan.footholds[..., 0, :], plan.footholds[..., 1, :]
+    middle = plan.swing_nodes[..., 0, SWING_POSITION]
+    rate = np.zeros_like(middle)
+    rate[..., :2] = plan.swing_nodes[..., 0, SWING_VELOCITY]
+    half = np.maximum(touchdown - liftoff, 1e-9) / 2.0  # a swing is two cubics of half its duration
+    local = np.clip(-liftoff / half, 0.0, 2.0)
+    descends = local >= 1.0
+    u, down = (local - descends)[..., None], descends[..., None]
+    swing = hermite.value(
+        u,
+        np.where(down, middle, first),
+        np.where(down, rate, 0.0),
+        np.where(down, second, middle),
+        np.where(down, 0.0, rate),
+        half[..., None],
+    )
+    stays, lands = (liftoff > 0.0)[..., None], (touchdown <= 0.0)[..., None]
+    return np.where(stays, first, np.where(lands, second, swing))
+
+
+def _along(axis: Array, place: Array) -> Array:
+    """Places (..., 4, 3) along axes (..., M, 3), (..., M, 4)."""
+    axis, place = axis[..., :, None, :], place[..., None, :, :]
+    return np.asarray(
+        axis[..., 0] * place[..., 0] + axis[..., 1] * place[..., 1] + axis[..., 2] * place[..., 2]
+    )
+
+
+def _norm(vectors: Array) -> Array:
+    return np.asarray(np.sqrt((vectors**2).sum(axis=-1)))

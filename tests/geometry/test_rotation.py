@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from lmtr.geometry.rotation import (
     angular_velocity_W,
+    forward_axis,
     rate_rows,
     rate_rows_derivative,
     rotation_matrix,
@@ -24,6 +25,7 @@ def test_a_rotation_is_orthogonal_and_that_of_scipy(rpy):
     rotation = rotation_matrix(rpy)
     product = rotation @ np.swapaxes(rotation, -1, -2)
     np.testing.assert_allclose(product, np.broadcast_to(np.eye(3), (4, 3, 3)), atol=1e-14)
+    np.testing.assert_allclose(forward_axis(rpy), rotation[..., 0], atol=1e-15)
     theirs = Rotation.from_euler("ZYX", rpy[:, ::-1]).as_matrix()
     np.testing.assert_allclose(rotation, theirs, atol=1e-14)
 

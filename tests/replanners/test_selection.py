@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from lmtr.errors import ModelError
+from lmtr.geometry.se2 import SE2
 from lmtr.policies.distance import TaskWeights
 from lmtr.policies.mode_policy import ZeroModePolicy
 from lmtr.replanners.build import build_replanner
-from lmtr.replanners.plan_cost import PlanCost
+from lmtr.replanners.plan_cost import PlanCost, feet_at_epoch
 from lmtr.replanners.selecting import Selection
 from lmtr.robot.model import ANYMAL
 from lmtr.trajectory.sample import sample_base, sample_feet
@@ -90,6 +91,16 @@ def test_a_plan_from_the_present_state_does_not_jump(x, tau):
     )
     moved = x[:, TASK_LAYOUT.slice("LF_position")] + [0.0, 0.2, 0.0]
     assert cost("jump", with_field(x, "LF_position", moved), tau) == pytest.approx(1, abs=0.1)
+
+
+@pytest.mark.parametrize("later", [-0.4, -0.1, 0.0, 0.15, 0.3])
+def test_feet_at_the_epoch_are_those_of_the_sampled_plan(walk_segments, later):
+    plans = decode_segment(walk_segments.tau).moved(SE2.of(np.zeros(3)), later)
+    expected = sample_feet(plans, np.zeros(1))
+    np.testing.assert_allclose(feet_at_epoch(plans), expected.position[:, 0], atol=1e-12)
+    lands = plans.touchdown_times[..., 0]
+    swings = (plans.liftoff_times[..., 0] <= 0.0) & (lands > 0.0)
+    assert (expected.contact[:, 0] == ~swings).all()
 
 
 def test_progress_is_compared_among_the_plans_of_a_task(x, tau):
