@@ -23,7 +23,7 @@ from safetensors.numpy import save as tensors_to_bytes
 from lmtr.errors import DataError, ModelError
 from lmtr.models.perceptron import Perceptron
 from lmtr.models.record import EpochRecord
-from lmtr.models.settings import ModelSettings, TrainingSettings
+from lmtr.models.settings import Activation, ModelSettings, TrainingSettings
 from lmtr.models.trained import TrainedModel
 from lmtr.robot.model import RobotModel
 from lmtr.vectors.layout import SEGMENT_LAYOUT, TASK_LAYOUT, Layout
@@ -127,14 +127,16 @@ def _model(
     encoder = None
     if n:
         sizes = (tau_size + x_size, *reversed(settings.hidden), 2 * n)
-        encoder = _network("encoder", tensors, sizes, settings)
+        encoder = network_from("encoder", tensors, sizes, settings.activation)
     return TrainedModel(
         settings=settings,
         training=TrainingSettings.model_validate(description["training"]),
         robot=RobotModel.model_validate(description["robot"]),
         task_scaling=_scaling("task", tensors, task_layout),
         segment_scaling=_scaling("segment", tensors, segment_layout),
-        decoder=_network("decoder", tensors, (n + x_size, *settings.hidden, tau_size), settings),
+        decoder=network_from(
+            "decoder", tensors, (n + x_size, *settings.hidden, tau_size), settings.activation
+        ),
         encoder=encoder,
         history=_HISTORY.validate_python(description["history"]),
         provenance=description["provenance"],
@@ -146,20 +148,37 @@ def _tensors(model: TrainedModel) -> Tensors:
     tensors: Tensors = {}
     for name, network in (("decoder", model.decoder), ("encoder", model.encoder)):
         if network is not None:
-            for layer, (weight, bias) in enumerate(
-                zip(network.weights, network.biases, strict=True)
-            ):
-                tensors[f"{name}.{layer}.weight"] = weight.astype(np.float32)
-                tensors[f"{name}.{layer}.bias"] = bias.astype(np.float32)
+            tensors |= network_tensors(name, network)
     for name, scaling in (("task", model.task_scaling), ("segment", model.segment_scaling)):
         for key, array in scaling.to_dict().items():
             tensors[f"{name}_scaling.{key}"] = array
     return tensors
 
 
-def _network(
-    name: str, tensors: Tensors, sizes: tuple[int, ...], settings: ModelSettings
+def network_tensors(name: str, network: Perceptron) -> Tensors:
+    """The layers of a network in single precision, as trained, under ``name``."""
+    tensors: Tensors = {}
+    for layer, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
+        tensors[f"{name}.{layer}.weight"] = weight.astype(np.float32)
+        tensors[f"{name}.{layer}.bias"] = bias.astype(np.float32)
+    return tensors
+
+
+def network_from(
+    name: str, tensors: Tensors, sizes: tuple[int, ...], activation: Activation
 ) -> Perceptron:
+    """The network that :func:`network_tensors` stored.
+
+    Args:
+        name: As it was stored.
+        tensors: All tensors of the file.
+        sizes: Of its inputs, hidden layers and outputs.
+        activation: Its nonlinearity.
+
+    Raises:
+        KeyError: A layer is missing.
+        ValueError: A layer is of another size.
+    """
     weights, biases = [], []
     for layer, shape in enumerate(pairwise(sizes)):
         weight, bias = tensors[f"{name}.{layer}.weight"], tensors[f"{name}.{layer}.bias"]
@@ -169,7 +188,7 @@ def _network(
             )
         weights.append(weight.astype(np.float64))
         biases.append(bias.astype(np.float64))
-    return Perceptron(tuple(weights), tuple(biases), settings.activation)
+    return Perceptron(tuple(weights), tuple(biases), activation)
 
 
 def _scaling(name: str, tensors: Tensors, layout: Layout) -> Standardiser:

@@ -1,7 +1,7 @@
 """A trained model: complete, immutable, and ready to plan without torch."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -46,6 +46,10 @@ class TrainedModel:
     encoder: Perceptron | None
     history: tuple[EpochRecord, ...] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def for_planning(self) -> "TrainedModel":
+        """The same model without what planning does not need, the encoder and the history."""
+        return replace(self, encoder=None, history=())
 
     @property
     def latent(self) -> int:
@@ -121,6 +125,11 @@ class TrainedModel:
         if len(tau) != len(x):
             raise DataError(
                 f"segments and tasks must be as many, got {len(tau)} and {len(x)}; pair them"
+            )
+        if self.encoder is None and self.latent:
+            raise DataError(
+                f"model {self.settings.name} was loaded for planning, without its encoder; load "
+                "its own folder to encode segments"
             )
         if self.encoder is None:
             return np.zeros((len(x), 0)), np.zeros((len(x), 0))

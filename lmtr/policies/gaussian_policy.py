@@ -17,11 +17,15 @@ class GaussianModePolicy:
     Args:
         network: From standardised tasks (B, 35) to (μ_z, log σ_z²), (B, 2n).
         standardiser: Scaling of the task dimensions.
+
+    Attributes:
+        network: As given.
     """
 
     name = "gaussian"
 
     def __init__(self, network: Perceptron, standardiser: Standardiser) -> None:
+        self.network = network
         self._network = network.after(standardising(standardiser))
         self._layout = standardiser.layout
 
@@ -29,6 +33,11 @@ class GaussianModePolicy:
     def latent(self) -> int:
         """N."""
         return len(self._network.biases[-1]) // 2
+
+    @property
+    def hidden(self) -> list[int]:
+        """Sizes of its hidden layers."""
+        return [weight.shape[1] for weight in self.network.weights[:-1]]
 
     @property
     def nbytes(self) -> int:
@@ -46,5 +55,4 @@ class GaussianModePolicy:
 
     def describe(self) -> dict[str, Any]:
         """Its layers."""
-        sizes = [weight.shape[1] for weight in self._network.weights[:-1]]
-        return {"policy": self.name, "hidden": sizes}
+        return {"policy": self.name, "hidden": self.hidden}

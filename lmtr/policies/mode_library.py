@@ -10,7 +10,7 @@ from lmtr.models.trained import TrainedModel
 
 @dataclass(frozen=True)
 class ModeLibrary:
-    """Tasks and the modes in which the expert solved them.
+    """Tasks and the modes in which the expert solved them, in double or single precision.
 
     Attributes:
         x: Tasks (N, 35), SI units, _S.

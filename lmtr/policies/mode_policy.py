@@ -83,7 +83,7 @@ class NearestModePolicy:
     def suggest(self, x: Array, count: int) -> Array:
         """The expert's modes (B, count, n) in the tasks nearest to x (B, 35), nearest first."""
         _, rows = self._index.query(x, count)
-        return np.asarray(self._z[rows])
+        return np.asarray(self._z[rows], dtype=np.float64)
 
     def describe(self) -> dict[str, Any]:
         """Weights and size of the library."""
