@@ -1,4 +1,4 @@
-"""Commands that look at what was made: query, export, show."""
+"""Commands that look at what was made: query, show, and the group export."""
 
 from enum import StrEnum
 from pathlib import Path
@@ -6,8 +6,7 @@ from typing import Annotated
 
 import typer
 
-from lmtr.errors import ConfigurationError
-from pipelines.cli import options
+from pipelines.cli import export, options
 from pipelines.cli.options import HomeOption
 
 
@@ -18,21 +17,6 @@ class Format(StrEnum):
     CSV = "csv"
     JSON = "json"
     PARQUET = "parquet"
-
-
-class Exported(StrEnum):
-    """What can be exported."""
-
-    SOLUTIONS = "solutions"
-    SEGMENTS = "segments"
-    ROLLOUTS = "rollouts"
-
-
-class Arrays(StrEnum):
-    """Files that exports are written to."""
-
-    PARQUET = "parquet"
-    NPZ = "npz"
 
 
 class Shown(StrEnum):
@@ -53,7 +37,7 @@ def register(app: typer.Typer) -> None:
     """Add the commands to the application."""
     panel = "Look"
     app.command(rich_help_panel=panel)(query)
-    app.command(rich_help_panel=panel)(export)
+    app.add_typer(export.app, rich_help_panel=panel)
     app.command(rich_help_panel=panel)(show)
 
 
@@ -92,44 +76,6 @@ def query(
         asking.explain(space, sql)
     else:
         asking.query(space, sql, str(form), out)
-
-
-def export(
-    ctx: typer.Context,
-    what: Annotated[Exported, typer.Argument(help="What to export.")],
-    out: Annotated[Path, typer.Option("--out", "-o", help="File to write.")],
-    dt: Annotated[
-        float, typer.Option("--dt", help="Sample time of solutions (s).", min=1e-4, max=10.0)
-    ] = 0.01,
-    where: Annotated[
-        str | None, typer.Option("--where", help="SQL condition on the rows, e.g. 'accepted'.")
-    ] = None,
-    limit: Annotated[
-        int | None, typer.Option("--limit", help="At most so many rows.", min=1)
-    ] = None,
-    form: Annotated[
-        Arrays, typer.Option("--format", "-f", help="npz: segments alone, as NumPy arrays.")
-    ] = Arrays.PARQUET,
-    home: HomeOption = None,
-) -> None:
-    """Write solutions, segments or rollouts to a file, sampled and in SI units (docs/data.md)."""
-    from pipelines import export as exports
-    from pipelines.export import export_rollouts, export_segments, export_solutions
-
-    space = options.archive(ctx, home)
-    if form is Arrays.NPZ:
-        if what is not Exported.SEGMENTS:
-            raise ConfigurationError(
-                f"export: {what} have rows of many lengths and are no arrays; leave --format out"
-            )
-        typer.echo(f"{out}: {exports.export_segments_npz(space, out, where, limit)} rows")
-        return
-    count = {
-        Exported.SOLUTIONS: lambda: export_solutions(space, out, dt, where, limit),
-        Exported.SEGMENTS: lambda: export_segments(space, out, where, limit),
-        Exported.ROLLOUTS: lambda: export_rollouts(space, out, where, limit),
-    }[what]()
-    typer.echo(f"{out}: {count} rows")
 
 
 def show(
