@@ -21,12 +21,15 @@ from lmtr.vectors.scaling import Standardiser
 ROUNDING = 1e-5
 """Relative error of a sum of 35 distances in single precision, which is below 36 · 2⁻²⁴ = 2e-6."""
 
+ROWS_AT_ONCE = 1024
+"""Tasks taken in at once: a library in double precision is not to be in memory on the way."""
+
 
 class TaskIndex:
     """The tasks of a library, to be searched by :class:`TaskWeights`.
 
     Args:
-        x: Tasks (N, 35), N ≥ 1.
+        x: Tasks (N, 35), N ≥ 1, in double or single precision.
         weights: Weight of each category.
         standardiser: Scaling of the task dimensions.
 
@@ -37,7 +40,6 @@ class TaskIndex:
 
     def __init__(self, x: Array, weights: TaskWeights, standardiser: Standardiser) -> None:
         self._layout = standardiser.layout
-        x = finite_rows("library tasks", x, self._layout)
         if len(x) == 0:
             raise DataError("library tasks: at least one is needed to have a nearest, got 0")
         w = weights.expanded(self._layout)
@@ -50,7 +52,10 @@ class TaskIndex:
             )
         self._scale = w[self._used] / standardiser.scale[self._used]
         self._centre = standardiser.mean[self._used]
-        self._rows = self._scaled(x)
+        self._rows = np.empty((len(x), len(self._used)), dtype=np.float32)
+        for start in range(0, len(x), ROWS_AT_ONCE):
+            some = finite_rows("library tasks", x[start : start + ROWS_AT_ONCE], self._layout)
+            self._rows[start : start + ROWS_AT_ONCE] = self._scaled(some)
         self._ones = np.ones(len(self._used), dtype=np.float32)
         self._bounds = DistanceBounds(self._rows)
 

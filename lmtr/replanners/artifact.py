@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from safetensors import SafetensorError
-from safetensors.numpy import load as tensors_from_bytes
+from safetensors.numpy import load_file as tensors_from_file
 from safetensors.numpy import save as tensors_to_bytes
 
 from lmtr.errors import DataError, ModelError
@@ -200,8 +200,7 @@ def _library(tensors: Tensors, weights: TaskWeights) -> TrajectoryLibraryReplann
         if name.startswith("scaling.")
     }
     scaling = Standardiser.from_dict(TASK_LAYOUT, found)
-    x, tau = tensors["x"].astype(np.float64), tensors["tau"].astype(np.float64)
-    return TrajectoryLibraryReplanner(x, tau, weights, scaling)
+    return TrajectoryLibraryReplanner(tensors["x"], tensors["tau"], weights, scaling)
 
 
 def _of_model(
@@ -241,11 +240,13 @@ def _read_description(folder: Path) -> Mapping[str, Any]:
 
 
 def _read_tensors(folder: Path, digest: str) -> Tensors:
+    path = folder / LIBRARY
     try:
-        content = (folder / LIBRARY).read_bytes()
-        tensors: Tensors = tensors_from_bytes(content)
+        with path.open("rb") as file:
+            found = hashlib.file_digest(file, "sha256").hexdigest()
+        tensors: Tensors = tensors_from_file(path)
     except (OSError, SafetensorError) as error:
         raise DataError(f"{LIBRARY} is missing or damaged: {error}") from error
-    if hashlib.sha256(content).hexdigest() != digest:
+    if found != digest:
         raise DataError(f"{LIBRARY} is not the file that {DESCRIPTION} describes")
     return tensors

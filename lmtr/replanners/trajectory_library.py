@@ -8,7 +8,7 @@ from lmtr.arrays import Array
 from lmtr.errors import DataError
 from lmtr.models.rows import finite_rows
 from lmtr.policies.distance import TaskWeights
-from lmtr.policies.nearest_neighbour import TaskIndex
+from lmtr.policies.nearest_neighbour import ROWS_AT_ONCE, TaskIndex
 from lmtr.vectors.layout import SEGMENT_LAYOUT
 from lmtr.vectors.scaling import Standardiser
 
@@ -42,7 +42,10 @@ class TrajectoryLibraryReplanner:
             )
         self._weights = weights
         self._index = TaskIndex(x, weights, standardiser)
-        self._tau = finite_rows("library segments", tau, SEGMENT_LAYOUT).astype(np.float32)
+        self._tau = np.empty(np.shape(tau), dtype=np.float32)
+        for start in range(0, len(tau), ROWS_AT_ONCE):
+            some = slice(start, start + ROWS_AT_ONCE)
+            self._tau[some] = finite_rows("library segments", tau[some], SEGMENT_LAYOUT)
 
     @property
     def nbytes(self) -> int:
