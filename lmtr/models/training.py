@@ -24,7 +24,6 @@ from lmtr.models.reconstruction import reconstruction_errors
 from lmtr.models.record import EpochRecord, ValidationRecord
 from lmtr.models.settings import ModelSettings, TrainingSettings
 from lmtr.models.trained import TrainedModel
-from lmtr.models.weighting import LossWeights
 from lmtr.robot.model import RobotModel
 from lmtr.vectors.layout import SEGMENT_LAYOUT, TASK_LAYOUT
 from lmtr.vectors.scaling import Standardiser
@@ -177,7 +176,7 @@ class _Fit:
         settings: ModelSettings,
         training: TrainingSettings,
         data: _Batch,
-        weights: Tensor | None,
+        weights: Tensor,
     ) -> None:
         self.settings, self._training, self._data = settings, training, data
         self._weights = weights
@@ -274,10 +273,8 @@ class _Judge:
 
 def _weights(
     settings: ModelSettings, scaling: Standardiser, robot: RobotModel, device: torch.device
-) -> Tensor | None:
-    """How much each dimension's error counts, (264,); None if all count alike."""
-    if settings.loss_weights == LossWeights():
-        return None
+) -> Tensor:
+    """How much each dimension's error counts, (264,)."""
     weights = settings.loss_weights.of(scaling, robot.weight)
     return torch.as_tensor(weights, dtype=torch.float32, device=device)
 

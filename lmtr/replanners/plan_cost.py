@@ -38,7 +38,7 @@ class PlanCost(Settings):
     kinematics: NonNegative = 1.0
     jump: NonNegative = 0.1
     progress: NonNegative = 0.1
-    clearance: Positive = 0.1
+    clearance: Positive = 0.15
     forward_limit: Positive = 0.2
     excess: Positive = 0.01
     velocity_jump: Positive = 0.1

@@ -20,7 +20,7 @@ class Selection(Settings):
         cost: What they are judged by.
     """
 
-    candidates: Annotated[int, Field(ge=2)] = 16
+    candidates: Annotated[int, Field(ge=2)] = 32
     cost: PlanCost = PlanCost()
 
 

@@ -19,12 +19,14 @@ def scaling(walk_segments):
     return Standardiser.fit(SEGMENT_LAYOUT, walk_segments.tau)
 
 
-def test_by_default_all_dimensions_count_alike(scaling):
-    np.testing.assert_allclose(LossWeights().of(scaling, ANYMAL.weight), 1.0)
+def test_all_dimensions_may_count_alike_and_by_default_footholds_count_more(scaling):
+    np.testing.assert_allclose(LossWeights(motion=1.0).of(scaling, ANYMAL.weight), 1.0)
+    weights = SEGMENT_LAYOUT.unpack(LossWeights().of(scaling, ANYMAL.weight))
+    np.testing.assert_allclose(weights["LF_second_foothold"], 5.0 * weights["RH_times"][0])
 
 
 def test_in_units_the_error_is_that_in_si_units(scaling, walk_segments):
-    weights = LossWeights(scale="unit").of(scaling, ANYMAL.weight)
+    weights = LossWeights(scale="unit", motion=1.0).of(scaling, ANYMAL.weight)
     tau, other = walk_segments.tau[:40], walk_segments.tau[40:80]
     loss = cvae_loss(
         *(torch.as_tensor(scaling.apply(each)) for each in (tau, other)),
