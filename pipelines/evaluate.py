@@ -8,9 +8,11 @@ import functools
 from collections.abc import Callable, Sequence
 
 from lmtr.errors import ModelError
+from lmtr.rollout.summary import ReplannerSummary
 from pipelines.config import Configuration
 from pipelines.datasets import configuration_of
 from pipelines.evaluation_record import EXPERIMENT, Recorder
+from pipelines.expert_courses import expert_id, walk_courses
 from pipelines.learning_data import LearningData
 from pipelines.progress import bar, say
 from pipelines.registry import Registered, load, models
@@ -47,6 +49,8 @@ def evaluate(
     wanted = trials(section, data, known, chosen)
     if not _rolled_out("Rolling out", section, workspace, data, wanted):
         say(f"evaluate: all {len(wanted)} replanners are evaluated already")
+    if section.expert_courses > 0:
+        _expert_walked(section, workspace, data)
     return [trial.evaluation_id for trial in wanted]
 
 
@@ -102,18 +106,31 @@ def _roll_out(
     make_worker = functools.partial(RolloutWorker, data, loaded, robot, section)
     record = Recorder(section, workspace, experiment, data)
     searching = [trial for trial in missing if trial.purpose == "tuning"]
-    with (
-        tuning_runs(section, workspace, experiment, data, searching) as runs,
-    ):
+    with tuning_runs(section, workspace, experiment, data, searching) as runs:
 
         def keep(trial: Trial, tried: Tried) -> None:
             if trial.purpose == "tuning":
                 record(trial, tried, runs.log(trial, tried))
             else:
                 record(trial, tried)
-                say(f"evaluate: {trial.evaluation_id}: {_result(tried)}")
+                say(f"evaluate: {trial.evaluation_id}: {_result(tried.summary)}")
 
         _distribute(title, workspace, make_worker, missing, keep)
+
+
+def _expert_walked(section: EvaluationSection, workspace: Workspace, data: LearningData) -> None:
+    """Let the expert walk the first courses, unless it has."""
+    made_with = configuration_of(workspace, data.dataset_id)
+    evaluation_id = expert_id(section, data)
+    if evaluation_id in _evaluated(workspace.lake):
+        return
+    with beside_others(workspace.home, "evaluate", shared=True):
+        experiment = workspace.tracker.experiment(EXPERIMENT)
+        record = Recorder(section, workspace, experiment, data)
+        walked = walk_courses(section, made_with, workspace)
+        planner = {"expert": made_with.expert.model_dump(mode="json")}
+        record.keep_expert(evaluation_id, walked, planner)
+    say(f"evaluate: {evaluation_id}: {_result(walked.summary)}")
 
 
 def _distribute(
@@ -140,10 +157,10 @@ def _distribute(
         raise ModelError(f"evaluate: failed for {'; '.join(failed)}; the others are kept")
 
 
-def _result(tried: Tried) -> str:
+def _result(summary: ReplannerSummary) -> str:
     """The finding in a few words."""
-    found = tried.summary.performance
+    found = summary.performance
     return (
         f"{100 * found.close_share.value:.1f} % close steps, "
-        f"{1e3 * found.mean_violation.value:.2f} mm violation, {tried.summary.diverged} diverged"
+        f"{1e3 * found.mean_violation.value:.2f} mm violation, {summary.diverged} diverged"
     )

@@ -33,6 +33,9 @@ testbed."""
 
 Purpose = Literal["report", "tuning"]
 
+EXPERT = "expert"
+"""Policy and label of the line of reference: the expert on the reported courses."""
+
 Chosen = Mapping[int | None, Sequence[TaskWeights]]
 """Weights that a search found, by latent dimension; None is the library's."""
 

@@ -4,7 +4,7 @@ Sums of single rollouts are all that comparisons need: they can be pooled and re
 motions that they were made from.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Self
 
@@ -105,6 +105,12 @@ class Tally:
     def of_rollout(cls, rollout: Rollout, robot: RobotModel, criteria: Criteria) -> Self:
         """Judge one rollout, a diverged one up to where it diverged."""
         return cls.of(rollout.motion, rollout.obstacles_W, robot, criteria, rollout)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self], fell: bool) -> Self:
+        """Of one motion that was judged in parts, and whether it fell on one of them."""
+        sums = {name: float(sum(getattr(part, name) for part in parts)) for name in NAMES}
+        return cls(**{**sums, "motions": 1.0, "falls": float(fell)})
 
     @classmethod
     def from_dict(cls, sums: Mapping[str, float]) -> Self:
