@@ -33,6 +33,9 @@ class Purpose(IntEnum):
     TRAINING_ROWS = 6
     """Which training segments are learnt from, if not all are."""
 
+    REFERENCE = 7
+    """Noise of the expert's solves on a rollout's course, by the course's index."""
+
 
 def stream(seed: int, purpose: Purpose, index: int = 0) -> np.random.Generator:
     """The random stream of ``index`` for a purpose, independent of all others."""

@@ -13,7 +13,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import tomli_w
 from pydantic import BaseModel, ValidationError, model_validator
@@ -72,6 +72,24 @@ class Configuration(Settings):
                 f"±{robot.range_of_motion[:2]} m of robot {robot.name!r} less the margin of "
                 f"{margin} m (expert.range_of_motion_margin), got {tasks.foot_scatter} m; scatter "
                 "the start feet less"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _tuned_models_are_trained(self) -> "Configuration":
+        tuning = self.evaluation.tuning
+        # Evaluating what was trained before needs no word on training.
+        if (
+            tuning is None
+            or tuning.latent is None
+            or "latent" not in self.training.model_fields_set
+        ):
+            return self
+        unknown = [latent for latent in tuning.latent if latent not in self.training.latent]
+        if unknown:
+            raise ValueError(
+                f"evaluation.tuning.latent names {unknown}, but training.latent is "
+                f"{list(self.training.latent)}; train those too or leave them out"
             )
         return self
 
@@ -247,7 +265,13 @@ def _known_keys(path: tuple[int | str, ...]) -> list[str]:
     model: Any = Configuration
     for part in path:
         field = model.model_fields.get(str(part)) if hasattr(model, "model_fields") else None
-        model = field.annotation if field is not None else None
+        model = _section(field.annotation) if field is not None else None
         if model is None:
             return []
     return list(getattr(model, "model_fields", {}))
+
+
+def _section(annotation: Any) -> Any:  # noqa: ANN401 - whatever a field is annotated with
+    """The settings behind an annotation that may also allow None."""
+    allowed = (annotation, *get_args(annotation))
+    return next((each for each in allowed if hasattr(each, "model_fields")), annotation)

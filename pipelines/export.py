@@ -71,7 +71,11 @@ def export_solutions(
 
 
 def export_rollouts(workspace: Workspace, out: Path, where: str | None, limit: int | None) -> int:
-    """Write one row per rollout and 0.1 s sample, footholds and obstacles in files beside it."""
+    """Write one row per rollout and 0.1 s sample, footholds and obstacles in files beside it.
+
+    Rollouts whose motion was not kept are left out.
+    """
+    where = "len(t) > 0" if where is None else f"({where}) AND len(t) > 0"
     rows = _rows(workspace, "rollouts", "rollout_id", where, limit)
     with (
         _parquet(out, ROLLOUTS) as file,

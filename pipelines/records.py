@@ -36,6 +36,17 @@ MOTION_COLUMNS: tuple[tuple[str, str, tuple[int, ...]], ...] = (
 )
 """Column, attribute of :class:`Motion` and shape per sample of each sampled quantity."""
 
+FOOTHOLD_COLUMNS = (
+    "foothold_foot",
+    "foothold_x",
+    "foothold_y",
+    "foothold_touchdown",
+    "foothold_liftoff",
+)
+
+ALL_MOTION_COLUMNS = ("t", *(column for column, _, _ in MOTION_COLUMNS), *FOOTHOLD_COLUMNS)
+"""All columns that :func:`motion_columns` fills; empty lists where a motion is not kept."""
+
 
 def task_columns(task: Task, noise: Noise) -> Row:
     """The task x̄ and the noise ξ̄ as columns."""
@@ -150,8 +161,13 @@ def motion_columns(motion: Motion) -> Row:
     }
 
 
+def has_motion(row: Mapping[str, Any]) -> bool:
+    """Whether the motion of a row of ``rollouts`` was kept."""
+    return len(row["t"]) > 0
+
+
 def motion_of(row: Mapping[str, Any]) -> Motion:
-    """The motion of a row of ``rollouts``."""
+    """The motion of a row of ``rollouts``; see :func:`has_motion`."""
     count = len(row["t"])
     return Motion(
         times=np.array(row["t"]),

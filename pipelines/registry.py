@@ -20,10 +20,14 @@ class Registered:
     Attributes:
         model_id: Its identity.
         label: What tables and figures call it: LMTR-n or unimodal, told apart where need be.
+        latent: Latent dimension n.
+        seed: Training seed.
     """
 
     model_id: str
     label: str
+    latent: int
+    seed: int
 
 
 def is_trained(workspace: Workspace, model_id: str) -> bool:
@@ -85,13 +89,16 @@ def models(
         name if named[name] == 1 else seed if seeded[seed] == 1 else f"{seed} ({digest})"
         for name, seed, digest in zip(names, seeds, digests, strict=True)
     ]
-    return [Registered(row["model_id"], label) for row, label in zip(rows, labels, strict=True)]
+    return [
+        Registered(row["model_id"], label, row["latent"], row["seed"])
+        for row, label in zip(rows, labels, strict=True)
+    ]
 
 
 def evaluation_ids(workspace: Workspace, dataset_id: str, cut: str) -> list[str]:
     """Evaluations of a data set and cut that can be compared: on the newest one's testbed.
 
-    The library comes last.
+    Those that only chose weights are left out, and the expert's. The library comes last.
 
     Raises:
         DataError: There is none.
@@ -99,7 +106,9 @@ def evaluation_ids(workspace: Workspace, dataset_id: str, cut: str) -> list[str]
     rows = workspace.lake.read(
         "evaluations",
         ["evaluation_id", "settings", "created_at"],
-        where=selection(dataset_id, cut),
+        # Evaluations of an older schema have no purpose: they were all reported.
+        where=f"{selection(dataset_id, cut)} AND coalesce(purpose, 'report') = 'report' "
+        "AND coalesce(policy, '') <> 'expert'",
         order_by="model_id IS NULL, replanner, created_at",
     ).to_pylist()
     if not rows:

@@ -12,6 +12,7 @@ from lmtr.replanners.selecting import Selection
 from lmtr.robot.model import ROBOTS, RobotModel
 from lmtr.rollout.settings import Criteria, RolloutSettings
 from lmtr.settings import Count, Seed, Settings
+from pipelines.tuning_settings import TuningSection
 from services.cluster.delivery import Rhythm
 
 PolicyName = Literal["nearest", "selected", "gaussian", "prior", "zero"]
@@ -128,6 +129,11 @@ class EvaluationSection(Settings):
         mode_regressor: How π_N is fitted.
         rollout: The testbed.
         criteria: What counts as a close step and as a violated range of motion.
+        tuning: Search for further weights w of ``nearest``; none keeps to ``weights``.
+        keep_motions: Of so many rollouts per replanner the sampled motion is kept, of those that
+            reached their end first; figures and films need one, comparisons none.
+        expert_courses: On the first so many courses the expert is asked to walk too, offline and a
+            stretch at a time, as the line of reference.
     """
 
     rollouts: Count = 100
@@ -139,6 +145,46 @@ class EvaluationSection(Settings):
     mode_regressor: ModeRegressorSettings = ModeRegressorSettings()
     rollout: RolloutSettings = RolloutSettings()
     criteria: Criteria = Criteria()
+    tuning: TuningSection | None = None
+    keep_motions: Annotated[int, Field(ge=0)] = 10
+    expert_courses: Annotated[int, Field(ge=0)] = 0
+
+    @model_validator(mode="after")
+    def _tuned_on_other_courses(self) -> "EvaluationSection":
+        if self.tuning is not None and self.tuning.seed == self.seed:
+            raise ValueError(
+                f"tuning.seed must differ from evaluation.seed, got {self.seed} for both, or "
+                "weights would be chosen on the courses that are reported; change one of them"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _expert_walks_courses_there_are(self) -> "EvaluationSection":
+        if self.expert_courses > self.rollouts:
+            raise ValueError(
+                f"expert_courses must not exceed the {self.rollouts} rollouts, got "
+                f"{self.expert_courses}; lower it"
+            )
+        return self
+
+    def for_tuning(self) -> "EvaluationSection":
+        """The same testbed on the tuning's courses, for its grid.
+
+        Raises:
+            ValueError: Nothing is tuned.
+        """
+        if self.tuning is None:
+            raise ValueError("this evaluation has no tuning; give it a tuning section")
+        changes = {
+            "rollouts": self.tuning.rollouts,
+            "seed": self.tuning.seed,
+            "weights": tuple(self.tuning.grid()),
+            "policies": ("nearest",),
+            "tuning": None,
+            "keep_motions": 0,
+            "expert_courses": 0,
+        }
+        return self.model_copy(update=changes)
 
     @field_validator("policies")
     @classmethod

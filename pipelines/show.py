@@ -59,6 +59,12 @@ def show_rollout(
             '`lmtr query "SELECT rollout_id FROM rollouts"`'
         )
     row = rows[0]
+    if not records.has_motion(row):
+        raise DataError(
+            f"rollout {name!r} was kept without its motion; those with one are "
+            '`lmtr query "SELECT rollout_id FROM rollouts WHERE len(t) > 0"`, and '
+            "evaluation.keep_motions says how many later evaluations keep"
+        )
     motion = records.motion_of(row)
     title = f"Rollout {name}: {row['replanner']}, {row['outcome']}"
     return _draw(

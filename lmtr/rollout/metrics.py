@@ -4,16 +4,12 @@ They judge a :class:`~lmtr.trajectory.motion.Motion` among obstacle lines, whate
 rollout, or an expert solution as the line of reference.
 """
 
-from dataclasses import dataclass
-from typing import Self
-
 import numpy as np
 
 from lmtr.arrays import Array
 from lmtr.geometry.line import closest_distance, signed_distance
 from lmtr.geometry.rotation import rotation_matrix
 from lmtr.robot.model import N_FEET, RobotModel
-from lmtr.rollout.settings import Criteria
 from lmtr.trajectory.motion import Motion
 
 
@@ -63,44 +59,3 @@ def forward_violation(motion: Motion, robot: RobotModel, limit: float = 0.2) -> 
         (M, 4) in m at the motion's samples; 0 inside the range, NaN in swing.
     """
     return np.maximum(np.abs(forward_offset(motion, robot)) - limit, 0.0)
-
-
-@dataclass(frozen=True)
-class Tally:
-    """Sums over one motion, or over several: all rates of Sec. 5.2 are ratios of them.
-
-    Attributes:
-        crossed: Obstacle lines crossed.
-        steps: Pairs of a crossed line and a foot.
-        close_steps: Those whose closest foothold is closer than ``Criteria.clearance``.
-        contacts: Pairs of a sample and a foot in contact.
-        violation: Sum over them of the forward violation (m).
-        large_violations: Those beyond ``Criteria.large_violation``.
-        distance: Way along the world's x axis (m).
-        duration: Time covered (s).
-    """
-
-    crossed: float
-    steps: float
-    close_steps: float
-    contacts: float
-    violation: float
-    large_violations: float
-    distance: float
-    duration: float
-
-    @classmethod
-    def of(cls, motion: Motion, obstacles_W: Array, robot: RobotModel, criteria: Criteria) -> Self:
-        """Judge one motion."""
-        clearances = obstacle_clearances(motion, obstacles_W)
-        violation = forward_violation(motion, robot, criteria.forward_limit)
-        return cls(
-            crossed=float(len(clearances)),
-            steps=float(clearances.size),
-            close_steps=float((clearances < criteria.clearance).sum()),
-            contacts=float(motion.contact.sum()),
-            violation=float(np.nansum(violation)),
-            large_violations=float((violation > criteria.large_violation).sum()),
-            distance=float(motion.base_position_W[-1, 0] - motion.base_position_W[0, 0]),
-            duration=float(motion.times[-1] - motion.times[0]),
-        )

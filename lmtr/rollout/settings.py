@@ -116,8 +116,11 @@ class Criteria(Settings):
         forward_limit: Half the box in which contacting feet should stay, forward of and behind
             neutral (m); wider than the one that the expert keeps (``range_of_motion``).
         large_violation: A foot further outside the box than this violates it grossly (m).
+        friction_excess: A planned force that leaves the friction pyramid by more than this counts
+            as such (weights of the robot); the expert's own filter allows 0.001.
     """
 
     clearance: Positive = 0.05
     forward_limit: Positive = 0.2
     large_violation: Positive = 0.05
+    friction_excess: NonNegative = 0.005

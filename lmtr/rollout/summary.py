@@ -2,17 +2,18 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass, fields
+from dataclasses import astuple, dataclass
 
 import numpy as np
+from scipy.stats import binomtest
 
 from lmtr.arrays import Array, Indices
 from lmtr.errors import DataError
 from lmtr.robot.model import RobotModel
 from lmtr.rollout.contacts import Disagreement
-from lmtr.rollout.metrics import Tally
 from lmtr.rollout.record import Ending, Rollout
 from lmtr.rollout.settings import Criteria
+from lmtr.rollout.tally import NAMES, RATES, Tally
 from lmtr.streams import Purpose, stream
 from lmtr.trajectory.motion import Motion
 
@@ -47,8 +48,15 @@ class Performance:
             ``Criteria.clearance``.
         mean_violation: Mean forward violation of contacting feet (m).
         large_violation_share: Share of contacting feet beyond ``Criteria.large_violation``.
+        friction_share: Share of contacting feet whose planned force leaves the friction pyramid.
+        linear_residual: Mean acceleration of the base that its forces leave unexplained (m/s²).
+        angular_residual: Mean angular acceleration left unexplained (rad/s²).
+        mean_velocity_jump: Mean change of the base's velocity at replanning (m/s).
+        mean_foot_jump: Mean distance between a foot so far and in the new plan (m).
         distance: Mean way along the world's x axis (m).
         speed: All way over all time (m/s).
+        fall_share: Share of motions that diverged, with the exact binomial interval: where none
+            did, a bootstrap would claim to be certain.
     """
 
     motions: int
@@ -56,8 +64,14 @@ class Performance:
     close_share: Estimate
     mean_violation: Estimate
     large_violation_share: Estimate
+    friction_share: Estimate
+    linear_residual: Estimate
+    angular_residual: Estimate
+    mean_velocity_jump: Estimate
+    mean_foot_jump: Estimate
     distance: Estimate
     speed: Estimate
+    fall_share: Estimate
 
 
 @dataclass(frozen=True)
@@ -92,6 +106,7 @@ def summarise(
     robot: RobotModel,
     criteria: Criteria | None = None,
     seed: int = 0,
+    tallies: Sequence[Tally] | None = None,
 ) -> ReplannerSummary:
     """Summarise the rollouts of one replanner.
 
@@ -100,6 +115,7 @@ def summarise(
         robot: Robot whose neutral stance they are judged by.
         criteria: Thresholds; those of the paper's evaluation unless given.
         seed: Seed of the bootstrap draws.
+        tallies: Those of the rollouts, if they have been made already.
 
     Raises:
         DataError: There are no rollouts, or those of several replanners.
@@ -110,13 +126,14 @@ def summarise(
             f"summary: takes the rollouts of one replanner, got those of {names}; "
             "summarise each replanner by itself"
         )
-    motions = [(rollout.motion, rollout.obstacles_W) for rollout in rollouts]
+    if tallies is None:
+        tallies = [Tally.of_rollout(each, robot, criteria or Criteria()) for each in rollouts]
     reasons = Counter(rollout.ending for rollout in rollouts if rollout.diverged)
     kinds = np.concatenate([rollout.disagreements.reshape(-1) for rollout in rollouts])
     found = Counter(Disagreement(kind) for kind in kinds[kinds != Disagreement.NONE].tolist())
     return ReplannerSummary(
         replanner=names[0],
-        performance=performance(motions, robot, criteria, seed),
+        performance=pooled(tallies, seed),
         diverged=reasons.total(),
         reasons=dict(reasons),
         velocity_jump=_median([rollout.velocity_jump for rollout in rollouts]),
@@ -141,23 +158,31 @@ def performance(
     if not motions:
         raise DataError("summary: takes at least one motion, got none; run some rollouts first")
     criteria = criteria or Criteria()
-    tallies = [Tally.of(motion, lines, robot, criteria) for motion, lines in motions]
+    return pooled([Tally.of(motion, lines, robot, criteria) for motion, lines in motions], seed)
+
+
+def pooled(tallies: Sequence[Tally], seed: int = 0) -> Performance:
+    """Performance of the motions that tallies were made of, at least one."""
     columns = np.array([astuple(tally) for tally in tallies])
-    names = [field.name for field in fields(Tally)]
     draws = stream(seed, Purpose.BOOTSTRAP).integers(len(tallies), size=(RESAMPLES, len(tallies)))
 
-    def ratio(part: str, whole: str) -> Estimate:
-        return _estimate(columns[:, names.index(part)], columns[:, names.index(whole)], draws)
+    def rate(name: str) -> Estimate:
+        part, whole = (columns[:, NAMES.index(each)] for each in RATES[name])
+        return _estimate(part, whole, draws)
 
+    falls = int(sum(tally.falls for tally in tallies))
     return Performance(
         motions=len(tallies),
         obstacles_crossed=int(sum(tally.crossed for tally in tallies)),
-        close_share=ratio("close_steps", "steps"),
-        mean_violation=ratio("violation", "contacts"),
-        large_violation_share=ratio("large_violations", "contacts"),
-        distance=_estimate(columns[:, names.index("distance")], np.ones(len(tallies)), draws),
-        speed=ratio("distance", "duration"),
+        fall_share=_share(falls, len(tallies)),
+        **{name: rate(name) for name in RATES if name != "fall_share"},
     )
+
+
+def _share(count: int, of: int) -> Estimate:
+    """A share with its interval of Clopper and Pearson."""
+    found = binomtest(count, of).proportion_ci(CONFIDENCE)
+    return Estimate(count / of, float(found.low), float(found.high))
 
 
 def _estimate(part: Array, whole: Array, draws: Indices) -> Estimate:

@@ -16,6 +16,7 @@ FORCE_NUMBERS = 18
 STATUSES = ("converged", "iteration_limit", "time_limit", "infeasible", "diverged", "error")
 SPLITS = ("train", "validation")
 OUTCOMES = ("completed", "diverged")
+PURPOSES = ("report", "tuning")
 
 
 @dataclass(frozen=True)
@@ -132,7 +133,11 @@ RULES: dict[str, tuple[Rule, ...]] = {
     "cuts": (),
     "segments": _SEGMENTS,
     "models": (_at_least("segments_version", 0), _at_least("latent", 0)),
-    "evaluations": (_at_least("segments_version", 0),),
+    "evaluations": (
+        _at_least("segments_version", 0),
+        _at_least("latent", 0),
+        _one_of("purpose", PURPOSES),
+    ),
     "rollouts": _ROLLOUTS,
 }
 """Conditions on the rows of each table."""

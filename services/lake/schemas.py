@@ -194,10 +194,29 @@ EVALUATIONS = (
     RUN_ID,
     CODE_VERSION,
     CREATED_AT,
+    column("policy", TEXT, "how the mode, or the library's plan, is selected", nullable=True),
+    column(
+        "latent",
+        pa.int32(),
+        "latent dimension n of its model; none for library and expert",
+        nullable=True,
+    ),
+    column(
+        "training_seed",
+        pa.int64(),
+        "seed that its model was trained with; none for library and expert",
+        nullable=True,
+    ),
+    column(
+        "purpose",
+        TEXT,
+        "report, or tuning: on courses of their own, to choose the weights w",
+        nullable=True,
+    ),
 )
 
 _SAMPLES = (
-    column("t", REALS, "sample times, (M)", unit="s"),
+    column("t", REALS, "sample times, (M); none where the motion was not kept", unit="s"),
     column("base_pos_W", REALS, "(M, 3)", unit="m", frame="W"),
     column("base_rpy", REALS, "(M, 3)", unit="rad", frame="W"),
     column("base_linvel_W", REALS, "(M, 3)", unit="m/s", frame="W"),
@@ -243,6 +262,13 @@ ROLLOUTS = (
     *_SAMPLES,
     *_FOOTHOLDS,
     CREATED_AT,
+    column(
+        "metrics",
+        NUMBERS,
+        "sums over the rollout whose ratios are the summary's rates: lmtr/rollout/tally.py",
+        unit="SI",
+        nullable=True,
+    ),
 )
 
 
@@ -256,8 +282,8 @@ SCHEMAS: dict[str, pa.Schema] = {
     "cuts": _schema("cuts", 1, CUTS),
     "segments": _schema("segments", 2, SEGMENTS),
     "models": _schema("models", 1, MODELS),
-    "evaluations": _schema("evaluations", 1, EVALUATIONS),
-    "rollouts": _schema("rollouts", 1, ROLLOUTS),
+    "evaluations": _schema("evaluations", 2, EVALUATIONS),
+    "rollouts": _schema("rollouts", 2, ROLLOUTS),
 }
 
 IDENTITY: dict[str, tuple[str, ...]] = {
@@ -282,6 +308,8 @@ UNDIGESTED = frozenset(
 ADDED: dict[str, dict[int, tuple[str, ...]]] = {
     "solutions": {2: ("saturated", "digest")},
     "segments": {2: ("digest",)},
+    "evaluations": {2: ("policy", "latent", "training_seed", "purpose")},
+    "rollouts": {2: ("metrics",)},
 }
 """Columns that a version of a table's schema added to the one before, all nullable."""
 

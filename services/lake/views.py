@@ -96,6 +96,23 @@ VIEWS: dict[str, View] = {
         "one split of one cut: segments, solutions they come from",
         ("segments",),
     ),
+    "evaluations_overview": View(
+        """
+        SELECT dataset_id, replanner, policy, latent, training_seed, purpose, weights,
+            summary['close_share'] AS close_share, summary['mean_violation'] AS mean_violation_m,
+            summary['large_violation_share'] AS large_violation_share,
+            summary['mean_velocity_jump'] AS mean_velocity_jump,
+            summary['mean_foot_jump'] AS mean_foot_jump_m,
+            summary['linear_residual'] AS linear_residual,
+            summary['angular_residual'] AS angular_residual,
+            summary['friction_share'] AS friction_share, summary['distance'] AS distance_m,
+            summary['diverged'] AS diverged, summary['rollouts'] AS rollouts, evaluation_id,
+            created_at
+        FROM evaluations
+        """,
+        "a replanner at one w on one set of courses, with its figures as plain columns",
+        ("evaluations",),
+    ),
 }
 
 DOCUMENTED: dict[str, str] = {
@@ -113,6 +130,22 @@ DOCUMENTED: dict[str, str] = {
         "SELECT round(s.cost) AS cost, count(*) AS segments, avg(g.goal_time_s - g.epoch_s) AS "
         "horizon_s FROM segments g JOIN solutions s ON s.dataset_id = g.dataset_id "
         'AND s."index" = g.solution_index GROUP BY ALL ORDER BY ALL'
+    ),
+    "The Pareto front over w of each replanner": (
+        "SELECT a.replanner, a.weights, a.close_share, a.mean_violation_m FROM "
+        "evaluations_overview a WHERE a.purpose = 'report' AND a.diverged = 0 AND NOT EXISTS "
+        "(SELECT 1 FROM evaluations_overview b WHERE b.purpose = 'report' AND b.diverged = 0 "
+        "AND b.dataset_id = a.dataset_id AND b.policy = a.policy AND "
+        "b.latent IS NOT DISTINCT FROM a.latent AND b.training_seed IS NOT DISTINCT FROM "
+        "a.training_seed AND b.close_share <= a.close_share AND b.mean_violation_m <= "
+        "a.mean_violation_m AND (b.close_share < a.close_share OR b.mean_violation_m < "
+        "a.mean_violation_m)) ORDER BY a.latent, a.training_seed, a.close_share"
+    ),
+    "Close steps of each policy over all its training seeds": (
+        "SELECT e.policy, e.latent, e.weights, count(DISTINCT e.training_seed) AS seeds, "
+        "sum(r.metrics['close_steps']) / sum(r.metrics['steps']) AS close_share FROM rollouts r "
+        "JOIN evaluations e USING (evaluation_id) WHERE e.purpose = 'report' GROUP BY ALL "
+        "ORDER BY close_share"
     ),
 }
 """Queries of docs/queries.md by what they answer."""

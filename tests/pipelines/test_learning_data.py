@@ -7,7 +7,7 @@ from lmtr.replanners.build import build_replanner
 from lmtr.rollout.testbed import run_rollouts
 from lmtr.vectors.layout import SEGMENT_LAYOUT, TASK_LAYOUT
 from lmtr.vectors.mirror import mirror_segment, mirror_task
-from pipelines import evaluate, trials
+from pipelines import rollout_worker, trials
 from pipelines.config import load
 from pipelines.datasets import configuration_of, resolve
 from pipelines.learning_data import learning_data
@@ -129,11 +129,11 @@ def test_rollouts_start_from_held_out_segments_and_look_up_learnt_ones(
         looked_up.append(library)
         return build_replanner(model, library, weights, **choices)
 
-    monkeypatch.setattr(evaluate, "run_rollouts", run)
+    monkeypatch.setattr(rollout_worker, "run_rollouts", run)
     monkeypatch.setattr(trials, "build_replanner", build)
-    (trial,) = trials.trials(config, data, [])  # the trajectory library
-    tried = evaluate.EvaluateWorker(data, {}, robot, config.evaluation)(trial)
-    assert len(tried.rollouts) == 8
+    (trial,) = trials.trials(config.evaluation, data, [])  # the trajectory library
+    tried = rollout_worker.RolloutWorker(data, {}, robot, config.evaluation)(trial)
+    assert len(tried.rows) == 8
     (starts,), (library,) = given, looked_up
     held_out = {row.tobytes() for row in data.validation.tau}
     assert starts.shape == (8, 264)

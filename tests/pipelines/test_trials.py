@@ -19,6 +19,8 @@ SETTINGS = (
     "evaluation.mode_regressor.epochs=2",
 )
 
+KNOWN = [Registered("m0", "unimodal", 0, 0), Registered("m3", "LMTR-3", 3, 0)]
+
 
 @pytest.fixture(scope="module")
 def data(walk_segments):
@@ -26,8 +28,7 @@ def data(walk_segments):
 
 
 def asked_for(data, *changes):
-    known = [Registered("m0", "unimodal"), Registered("m3", "LMTR-3")]
-    return trials(load(None, [*SETTINGS, *changes]), data, known)
+    return trials(load(None, [*SETTINGS, *changes]).evaluation, data, KNOWN)
 
 
 def test_weights_multiply_what_looks_tasks_up(data):

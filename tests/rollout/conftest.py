@@ -16,7 +16,8 @@ from lmtr.segmentation.window import cut
 from lmtr.streams import Purpose, stream
 from lmtr.task.sampling import TaskDistribution, sample_noise
 from lmtr.task.task import Task
-from lmtr.trajectory.trajectory import Trajectory
+from lmtr.trajectory.motion import Footholds, Motion
+from lmtr.trajectory.trajectory import BASE_STEP, Trajectory
 from lmtr.vectors.segment_vector import encode_segment
 
 FIRST_EPOCH = 0.5
@@ -95,3 +96,27 @@ def library(walk: Callable) -> Library:
 @pytest.fixture
 def oracle(short: RolloutSettings) -> Oracle:
     return Oracle([long_walk(index) for index in range(3)], short)
+
+
+def make_standing(samples: int = 11, force_share: float = 1.0) -> Motion:
+    """At rest over its feet in neutral stance, each of which bears a quarter of the weight."""
+    base = np.tile([0.0, 0.0, ANYMAL.nominal_height], (samples, 1))
+    force = np.zeros((samples, 4, 3))
+    force[..., 2] = 0.25 * force_share * ANYMAL.weight
+    return Motion(
+        times=BASE_STEP * np.arange(samples),
+        base_position_W=base,
+        base_rpy=np.zeros((samples, 3)),
+        base_velocity_W=np.zeros((samples, 3)),
+        base_angular_velocity_W=np.zeros((samples, 3)),
+        foot_position_W=np.tile(ANYMAL.nominal_feet_B, (samples, 1, 1)) + base[:, None],
+        foot_force_W=force,
+        contact=np.ones((samples, 4), dtype=bool),
+        footholds=Footholds(np.zeros(0, dtype=int), np.zeros((0, 2)), np.zeros(0), np.zeros(0)),
+    )
+
+
+@pytest.fixture
+def standing() -> Callable[..., Motion]:
+    """Motions of a robot that stands still."""
+    return make_standing

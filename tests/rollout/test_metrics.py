@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from lmtr.robot.model import ANYMAL
-from lmtr.rollout.metrics import Tally, forward_offset, forward_violation, obstacle_clearances
+from lmtr.rollout.metrics import forward_offset, forward_violation, obstacle_clearances
 from lmtr.rollout.settings import Criteria
+from lmtr.rollout.tally import Tally
 from lmtr.trajectory.motion import Footholds, Motion, sampled
 
 SQUARE = np.pi / 2.0

@@ -93,3 +93,33 @@ def test_a_newer_table_is_not_touched(lake, solutions):
     lake.delta("solutions").alter.set_table_properties({"lmtr.schemaVersion": "99"}, False)
     with pytest.raises(LakeError, match="is of schema version 99"):
         migrate(lake, "solutions")
+
+
+BARE = {pa.string(): "", pa.float64(): 0.0, pa.int64(): 0, pa.timestamp("us", tz="UTC"): 0}
+
+
+@pytest.mark.parametrize(("table", "added"), [("evaluations", 4), ("rollouts", 1)])
+def test_evaluations_of_before_read_with_nulls_and_new_ones_join_them(lake, table, added):
+    names = ADDED[table][2]
+    schema = pa.schema([field for field in SCHEMAS[table] if field.name not in names])
+    (lake.storage.folder / table).mkdir(parents=True)
+    DeltaTable.create(
+        lake.uri(table),
+        schema,
+        configuration={"lmtr.schemaVersion": "1"},
+        raise_if_key_not_exists=False,
+    )
+    row = {field.name: BARE.get(field.type, []) for field in schema if not field.nullable}
+    write_deltalake(lake.uri(table), pa.Table.from_pylist([row], schema=schema), mode="append")
+    assert migrate(lake, table) == list(names)
+    assert len(names) == added
+    key = f"{table.removesuffix('s')}_id"
+    filled = {"policy": "nearest", "latent": 3, "training_seed": 1, "purpose": "tuning"}
+    filled |= {"metrics": [("steps", 4.0)]}
+    new = {**row, **{name: filled[name] for name in names}}
+    new |= {key: "new"} | ({"outcome": "completed"} if table == "rollouts" else {})
+    assert lake.append_rows(table, [new], app_id="x")
+    rows = lake.read(table, order_by=key).to_pylist()
+    assert [row[key] for row in rows] == ["", "new"]
+    assert all(rows[0][name] is None for name in names)
+    assert all(rows[1][name] == filled[name] for name in names)

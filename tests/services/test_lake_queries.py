@@ -299,6 +299,46 @@ def test_views_say_what_the_tables_do(tmp_path):
         query(lake, "SELECT * FROM segments_overview")
 
 
+def evaluation(number, close_share, violation, **changes):
+    """A row of ``evaluations``."""
+    summary = [("close_share", close_share), ("mean_violation", violation), ("diverged", 0.0)]
+    return {
+        "evaluation_id": f"e{number}",
+        "dataset_id": "a",
+        "segmentation_id": "cut",
+        "replanner": f"r{number}",
+        "weights": [1.0, 1.0, 1.0, 1.0],
+        "planner": "{}",
+        "settings": "{}",
+        "seed": 0,
+        "summary": summary,
+        "segments_version": 0,
+        "mlflow_run_id": "",
+        "code_version": "0",
+        "created_at": datetime(2026, 11, 26, tzinfo=UTC),
+        "policy": "nearest",
+        "purpose": "report",
+        **changes,
+    }
+
+
+def test_the_documented_front_is_the_one_of_each_replanner_and_policy(tmp_path):
+    lake = Lake(tmp_path / "fronts")
+    rows = [
+        evaluation(0, 0.1, 0.003),
+        evaluation(1, 0.2, 0.001),
+        evaluation(2, 0.2, 0.002),  # behind the one before
+        evaluation(3, 0.05, 0.0005, purpose="tuning"),
+        evaluation(4, 0.3, 0.004, latent=3, training_seed=0),
+        evaluation(5, 0.3, 0.005, latent=3, training_seed=1),
+        evaluation(6, 0.4, 0.009, policy="selected"),
+        evaluation(7, 0.0, 0.0, summary=[("close_share", 0.0), ("diverged", 2.0)]),
+    ]
+    lake.append_rows("evaluations", rows, app_id="x")
+    front = query(lake, DOCUMENTED["The Pareto front over w of each replanner"]).to_pylist()
+    assert {row["replanner"] for row in front} == {"r0", "r1", "r4", "r5", "r6"}
+
+
 def test_a_result_comes_a_batch_at_a_time(filled):
     with streamed(filled, "SELECT range AS k, range AS k FROM range(5000)") as result:
         first = next(iter(result))
