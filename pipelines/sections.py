@@ -129,7 +129,8 @@ class EvaluationSection(Settings):
         mode_regressor: How π_N is fitted.
         rollout: The testbed.
         criteria: What counts as a close step and as a violated range of motion.
-        tuning: Search for further weights w of ``nearest``; none keeps to ``weights``.
+        tuning: Search for further weights w of ``nearest``; none, or ``false``, keeps to
+            ``weights``.
         keep_motions: Of so many rollouts per replanner the sampled motion is kept, of those that
             reached their end first; figures and films need one, comparisons none.
         expert_courses: On the first so many courses the expert is asked to walk too, offline and a
@@ -148,6 +149,12 @@ class EvaluationSection(Settings):
     tuning: TuningSection | None = None
     keep_motions: Annotated[int, Field(ge=0)] = 10
     expert_courses: Annotated[int, Field(ge=0)] = 0
+
+    @field_validator("tuning", mode="before")
+    @classmethod
+    def _or_not_at_all(cls, tuning: object) -> object:
+        # TOML has no word for none, by which a variant could do without.
+        return None if tuning is False else tuning
 
     @model_validator(mode="after")
     def _tuned_on_other_courses(self) -> "EvaluationSection":

@@ -54,6 +54,16 @@ def test_overrides_hold_for_variants_that_do_not_set_the_same(study_file):
     assert {c.dataset.seed for c in study.configurations.values()} == {9}
 
 
+def test_a_variant_can_do_without_the_tuning(tmp_path):
+    path = tmp_path / "tuned.toml"
+    path.write_text(
+        "[evaluation.tuning]\nseed = 3\n[[variants]]\nname = 'not'\nevaluation.tuning = false\n"
+    )
+    study = load_study(str(path))
+    assert study.base.evaluation.tuning is not None
+    assert study.configurations["not"].evaluation.tuning is None
+
+
 def test_one_variant_can_be_chosen(study_file):
     assert load_variant(str(study_file), [], "little").training.segments == 20
     assert load_variant(str(study_file), [], None) == load(str(study_file))
