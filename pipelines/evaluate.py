@@ -22,6 +22,7 @@ from pipelines.trials import Chosen, Trial, trials
 from pipelines.tuning import choose, tuned_models, tuning_runs
 from pipelines.turns import beside_others
 from pipelines.workspace import Workspace
+from services.lake.housekeeping import join_files
 from services.lake.tables import Lake
 
 
@@ -115,7 +116,12 @@ def _roll_out(
                 record(trial, tried)
                 say(f"evaluate: {trial.evaluation_id}: {_result(tried.summary)}")
 
-        _distribute(title, workspace, make_worker, missing, keep)
+        try:
+            _distribute(title, workspace, make_worker, missing, keep)
+        finally:  # what came back is kept, however this ends
+            record.flush()
+    for table in ("rollouts", "evaluations"):
+        join_files(workspace.lake, table)
 
 
 def _expert_walked(section: EvaluationSection, workspace: Workspace, data: LearningData) -> None:

@@ -1,6 +1,6 @@
 """What is kept of a trial: a run of the tracker, its rollouts and its summary in the lake."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from lmtr.figures.motion_figure import motion_figure
@@ -16,9 +16,16 @@ from pipelines.workspace import Workspace
 EXPERIMENT = "evaluation"
 
 
+TRIALS_PER_COMMIT = 16
+"""So many trials of a search are committed together: with a commit each, hundreds of small files
+would slow every later one down."""
+
+
 @dataclass(frozen=True)
 class Recorder:
     """Keeps what comes out of trials: in the tracker, and in the lake.
+
+    Trials of a search wait for others to be committed with; :meth:`flush` commits them.
 
     Attributes:
         section: The evaluation, on the courses of these trials.
@@ -31,6 +38,8 @@ class Recorder:
     workspace: Workspace
     experiment: str
     data: LearningData
+    _rollouts: list[records.Row] = field(default_factory=list, init=False)
+    _evaluations: list[records.Row] = field(default_factory=list, init=False)
 
     def __call__(self, trial: Trial, tried: Tried, run_id: str | None = None) -> None:
         """Keep a trial: its rollouts, and last the evaluation that makes them count.
@@ -41,10 +50,9 @@ class Recorder:
             run_id: Run of the tracker that it belongs to; None makes one for it alone.
         """
         metrics = {**records.summary_metrics(tried.summary), "nbytes": float(tried.nbytes)}
-        lake, name = self.workspace.lake, trial.evaluation_id
+        name = trial.evaluation_id
         run_id = run_id or self._log(trial, tried, metrics)
         rows = [self._rollout_row(name, trial.label, row) for row in tried.rows]
-        lake.append_rows("rollouts", rows, app_id=f"rollouts/{name}")
         row = {
             "replanner": trial.label,
             "model_id": trial.model_id,
@@ -55,7 +63,9 @@ class Recorder:
             "weights": list(trial.weights.values),
             "planner": records.to_json(tried.planner),
         }
-        self._append(name, row, metrics, run_id)
+        self._take(name, rows, row, metrics, run_id)
+        if trial.purpose == "report" or len(self._evaluations) >= TRIALS_PER_COMMIT:
+            self.flush()
 
     def keep_expert(self, evaluation_id: str, walked: Walked, planner: dict[str, Any]) -> None:
         """Keep how the expert walked the courses, as an evaluation without weights or model."""
@@ -74,7 +84,6 @@ class Recorder:
         with self.workspace.tracker.run(self.experiment, evaluation_id, parameters, tags) as run:
             run.metrics((key, value, 0) for key, value in metrics.items())
         rows = [self._rollout_row(evaluation_id, EXPERT, row) for row in walked.rows]
-        self.workspace.lake.append_rows("rollouts", rows, app_id=f"rollouts/{evaluation_id}")
         row = {
             "replanner": EXPERT,
             "policy": EXPERT,
@@ -82,27 +91,43 @@ class Recorder:
             "weights": [],
             "planner": records.to_json(planner),
         }
-        self._append(evaluation_id, row, metrics, str(run.id))
+        self._take(evaluation_id, rows, row, metrics, str(run.id))
+        self.flush()
 
-    def _append(
-        self, evaluation_id: str, row: records.Row, metrics: dict[str, float], run_id: str
+    def flush(self) -> None:
+        """Append what waits: rollouts first, and then the evaluations that make them count."""
+        lake = self.workspace.lake
+        # Whoever may append one of these rows does so under the same name.
+        for table, rows in (("rollouts", self._rollouts), ("evaluations", self._evaluations)):
+            if rows:
+                lake.append_rows(table, rows, app_id=f"{table}/{self.data.dataset_id}")
+        self._rollouts.clear()
+        self._evaluations.clear()
+
+    def _take(
+        self,
+        evaluation_id: str,
+        rollouts: list[records.Row],
+        row: records.Row,
+        metrics: dict[str, float],
+        run_id: str,
     ) -> None:
-        """Append an evaluation whose rollouts are in the lake."""
-        whole = {
-            "evaluation_id": evaluation_id,
-            "dataset_id": self.data.dataset_id,
-            "segmentation_id": self.data.segmentation_id,
-            "settings": self.section.model_dump_json(exclude=CHOICES),
-            "seed": self.section.seed,
-            "summary": list(metrics.items()),
-            "segments_version": self.data.version,
-            "mlflow_run_id": run_id,
-            "code_version": code_version(),
-            "created_at": records.now(),
-            **row,
-        }
-        self.workspace.lake.append_rows(
-            "evaluations", [whole], app_id=f"evaluations/{evaluation_id}"
+        """Put an evaluation and its rollouts with what waits to be appended."""
+        self._rollouts.extend(rollouts)
+        self._evaluations.append(
+            {
+                "evaluation_id": evaluation_id,
+                "dataset_id": self.data.dataset_id,
+                "segmentation_id": self.data.segmentation_id,
+                "settings": self.section.model_dump_json(exclude=CHOICES),
+                "seed": self.section.seed,
+                "summary": list(metrics.items()),
+                "segments_version": self.data.version,
+                "mlflow_run_id": run_id,
+                "code_version": code_version(),
+                "created_at": records.now(),
+                **row,
+            }
         )
 
     def _rollout_row(self, evaluation_id: str, replanner: str, row: records.Row) -> records.Row:

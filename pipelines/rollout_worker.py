@@ -99,16 +99,16 @@ def _outcome(rollout: Rollout, tally: Tally) -> Row:
         "reason": str(rollout.ending) if rollout.diverged else None,
         "duration_s": rollout.end_time,
         "distance_m": tally.distance,
-        "obstacles": rollout.obstacles_W.ravel().tolist(),
         "metrics": list(tally.as_dict().items()),
     }
 
 
 def _distributions(rollout: Rollout, robot: RobotModel, criteria: Criteria) -> Row:
-    """What figures show the distribution of."""
+    """The course, and what figures show the distribution of."""
     motion = rollout.motion
     violation = forward_violation(motion, robot, criteria.forward_limit)
     return {
+        "obstacles": rollout.obstacles_W.ravel().tolist(),
         "clearances": obstacle_clearances(motion, rollout.obstacles_W).ravel().tolist(),
         "violations": violation[motion.contact].tolist(),
         "velocity_jumps": rollout.velocity_jump.tolist(),
@@ -121,6 +121,7 @@ def _distributions(rollout: Rollout, robot: RobotModel, criteria: Criteria) -> R
 UNKEPT: Row = {
     name: []
     for name in (
+        "obstacles",
         "clearances",
         "violations",
         "velocity_jumps",
@@ -129,7 +130,7 @@ UNKEPT: Row = {
         "plan_seconds",
     )
 }
-"""The same columns of rollouts that only chose weights."""
+"""The same columns of rollouts that only chose weights; their seed and index tell the course."""
 
 NO_MOTION: Row = {name: [] for name in records.ALL_MOTION_COLUMNS}
 """Columns of a motion that is not kept."""

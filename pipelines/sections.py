@@ -166,6 +166,15 @@ class EvaluationSection(Settings):
         return self
 
     @model_validator(mode="after")
+    def _what_is_tuned_is_evaluated(self) -> "EvaluationSection":
+        if self.tuning is not None and "nearest" not in self.policies:
+            raise ValueError(
+                f"tuning searches the weights of policy 'nearest', which is not among policies "
+                f"{list(self.policies)}; add it or leave tuning out"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _expert_walks_courses_there_are(self) -> "EvaluationSection":
         if self.expert_courses > self.rollouts:
             raise ValueError(

@@ -54,7 +54,7 @@ def choose(
         trials: The search, rolled out.
     """
     tuning = section.tuning
-    if tuning is None:
+    if tuning is None or not trials:
         return {}
     names = ", ".join(f"'{trial.evaluation_id}'" for trial in trials)
     rows = lake.read(

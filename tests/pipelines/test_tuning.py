@@ -54,6 +54,10 @@ def test_a_grid_leaves_out_multiples_and_nothing_else():
     ("changes", "words"),
     [
         (["evaluation.tuning.seed=0"], ["tuning.seed must differ", "got 0 for both"]),
+        (
+            ["evaluation.tuning.seed=1", 'evaluation.policies=["selected"]'],
+            ["'nearest', which is not among policies ['selected']"],
+        ),
         (["evaluation.tuning.eta=[]"], ["evaluation.tuning.eta", "at least 1"]),
         (["evaluation.tuning.latent=[0]"], ["evaluation.tuning.latent", "greater than"]),
         (["evaluation.tuning.gamme=[1.0]"], ["evaluation.tuning.gamme", "did you mean 'gamma'"]),
