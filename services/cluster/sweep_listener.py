@@ -68,6 +68,10 @@ class Listener(Callback):  # type: ignore[misc]  # Ray is untyped here
             why = f"its worker died {RETRIES + 1} times over it (out of memory, or a crash)"
             self._pass_on(self._sweep.on_done, number, Done(error=why))
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Nothing: Tune writes a sweep down, but what is done its owner knows."""
+        return {}
+
     def _deliver(self, number: int) -> None:
         if number in self._told:
             return
@@ -101,3 +105,7 @@ class Ender(Stopper):  # type: ignore[misc]  # Ray is untyped here
     def stop_all(self) -> bool:
         """Tune's: whether all are."""
         return self._ending()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Nothing: Tune writes a sweep down, but what is done its owner knows."""
+        return {}

@@ -1,6 +1,7 @@
 """Registered models: MLflow's list of what can be loaded by name, a version for each model."""
 
 import tempfile
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -65,7 +66,9 @@ class Registry:
             tempfile.TemporaryDirectory(prefix="lmtr-register-") as scratch,
         ):
             folder = Path(scratch, ARTIFACT)
-            _save(servable, folder)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # that there is no example of an input
+                _save(servable, folder)
             self._client.log_artifacts(run_id, str(folder), ARTIFACT)
             self._require(name)
             place = self._client.get_run(run_id).info.artifact_uri

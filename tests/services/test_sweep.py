@@ -2,6 +2,7 @@
 
 import os
 import signal
+import threading
 import time
 from pathlib import Path
 
@@ -51,6 +52,7 @@ class Owner:
 
     def __init__(self, stops_after=None):
         self.reports, self.done, self.stops_after = [], {}, stops_after
+        self.lock = threading.Lock()  # an owner need not be one that pickle can take
 
     def sweep(self, configs, **options):
         trials = [Trial(f"t{number}", config) for number, config in enumerate(configs)]
