@@ -38,7 +38,7 @@ class Bar:
         self._progress.update(self._task, advance=steps, note=note)
         if not console.is_terminal and time.monotonic() - self._logged > LOG_EVERY_S:
             self._logged = time.monotonic()
-            console.print(f"{self._title}: {self._done}/{self._total or '?'} {note}", markup=False)
+            say(f"{self._title}: {self._done}/{self._total or '?'} {note}")
 
 
 @contextmanager

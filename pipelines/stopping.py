@@ -12,10 +12,15 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class Stop:
-    """Whether the user has asked to stop; call it to know."""
+    """Whether the user has asked to stop; call it to know.
 
-    def __init__(self) -> None:
+    Args:
+        fate: What becomes of what is under way, for people.
+    """
+
+    def __init__(self, fate: str = "what is under way is finished and kept") -> None:
         self._asked = False
+        self._fate = fate
 
     def __call__(self) -> bool:
         """Whether the user has asked to stop."""
@@ -32,13 +37,13 @@ class Stop:
         if self._asked:
             raise KeyboardInterrupt
         self._asked = True
-        say("stopping: what is under way is finished and kept (once more to stop at once)")
+        say(f"stopping: {self._fate} (once more to stop at once)")
 
 
 @contextmanager
-def stop_on_signals() -> Iterator[Stop]:
+def stop_on_signals(stop: Stop | None = None) -> Iterator[Stop]:
     """Take the signals inside the block; elsewhere than in the main thread nothing can ask."""
-    stop = Stop()
+    stop = stop or Stop()
     before = {number: signal.getsignal(number) for number in SIGNALS}
     stop.listen()
     try:

@@ -6,9 +6,10 @@ from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 from types import TracebackType
-from typing import Generic, Self, TypeVar, cast
+from typing import Any, Generic, Self, TypeVar, cast
 
 from services.cluster.delivery import Event, Order
+from services.cluster.sweep import Sweep
 from services.errors import ClusterError
 
 T = TypeVar("T")
@@ -130,4 +131,15 @@ class Cluster(ABC):
         Raises:
             ClusterError: Workers or writer cannot be started, or the cluster is lost.
             ServiceError: Whatever the sink refuses to keep.
+        """
+
+    @abstractmethod
+    def sweep(self, sweep: Sweep[Any, Any, Any]) -> None:
+        """Train all trials side by side, one core each, and tell the sweep's owner as they end.
+
+        A trial that raises fails alone; one whose worker died is begun again a few times. When
+        ``sweep.stopping()`` turns true no more are begun and those under way are given up.
+
+        Raises:
+            ClusterError: GPUs are asked for and there is none, or the cluster is lost.
         """

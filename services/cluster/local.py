@@ -1,13 +1,14 @@
 """A cluster of this process alone, for debugging, small work and tests."""
 
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Mapping
 from types import TracebackType
-from typing import Self, TypeVar
+from typing import Any, Self, TypeVar
 
 from services.cluster.batches import BatchRunner, Parcel, Waiting
 from services.cluster.cluster import Cluster, Outcome
 from services.cluster.delivery import Event, Kept, Made, Order
-from services.cluster.worker import Workplace
+from services.cluster.sweep import Sweep, SweepStoppedError, Trial
+from services.cluster.worker import Workplace, attempted
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -65,3 +66,20 @@ class LocalCluster(Cluster):
             last = kept() if waiting.items else None
         if last is not None:
             yield last
+
+    def sweep(self, sweep: Sweep[Any, Any, Any]) -> None:
+        """See :meth:`Cluster.sweep`; one trial after the other, on whatever GPU torch finds."""
+        for trial in sweep.trials:
+
+            def report(metrics: Mapping[str, float], trial: Trial[Any] = trial) -> None:
+                if sweep.stopping():
+                    raise SweepStoppedError
+                sweep.on_report(trial, metrics)
+
+            if sweep.stopping():
+                return
+            try:
+                done = attempted(sweep.trainable, trial.config, sweep.data, report)
+            except SweepStoppedError:
+                return
+            sweep.on_done(trial, done)

@@ -10,10 +10,11 @@ from collections.abc import Callable, Generator, Iterable
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
-from typing import Self, TypeVar
+from typing import Any, Self, TypeVar
 
 from services.cluster.cluster import Cluster, Outcome
 from services.cluster.delivery import Event, Order
+from services.cluster.sweep import Sweep
 from services.errors import ClusterError
 
 T = TypeVar("T")
@@ -107,6 +108,14 @@ class RayCluster(Cluster):
         if not self._size:
             raise ClusterError("cluster: it is closed; use it inside its `with` statement")
         yield from RayLine(order, self._size, _ray_runs).events()
+
+    def sweep(self, sweep: Sweep[Any, Any, Any]) -> None:
+        """See :meth:`Cluster.sweep`."""
+        from services.cluster.ray_sweep import run_sweep
+
+        if not self._size:
+            raise ClusterError("cluster: it is closed; use it inside its `with` statement")
+        run_sweep(sweep, self._size)
 
     def _start(self, undo: ExitStack) -> None:
         import ray

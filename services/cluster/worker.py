@@ -1,14 +1,18 @@
 """What runs in a worker process: a worker made on first use, exceptions turned into replies."""
 
+import time
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from services.cluster.cluster import Failure, Outcome
+from services.cluster.sweep import Done, Report, SweepStoppedError
 
 T = TypeVar("T")
 R = TypeVar("R")
+C = TypeVar("C")
+D = TypeVar("D")
 
 SINGLE_THREADED = dict.fromkeys(
     (
@@ -61,3 +65,17 @@ class Workplace(Generic[T, R]):
 def described(error: BaseException) -> str:
     """Kind and message of an exception in one line."""
     return f"{type(error).__name__}: {' '.join(str(error).split())}".removesuffix(": ")
+
+
+def attempted(
+    trainable: Callable[[C, D, Report], R], config: C, data: D, report: Report
+) -> Done[R]:
+    """Run one trial; what it raises becomes its error."""
+    began, clock = time.time(), time.monotonic()
+    try:
+        result = trainable(config, data, report)
+    except SweepStoppedError:
+        raise
+    except Exception as error:
+        return Done(error=described(error), traceback=traceback.format_exc(), began=began)
+    return Done(result, began=began, seconds=time.monotonic() - clock)

@@ -9,7 +9,12 @@ from pathlib import Path
 
 SQLITE = "sqlite:///"
 
-PLACES = (("experiments", "artifact_location"), ("runs", "artifact_uri"))
+PLACES = (
+    ("experiments", "artifact_location"),
+    ("runs", "artifact_uri"),
+    ("model_versions", "source"),
+    ("model_versions", "storage_location"),
+)
 """Tables and columns that hold where files lie."""
 
 

@@ -12,13 +12,21 @@ from typing import TYPE_CHECKING
 
 from services.tracking.moved import SQLITE, follow_moved_artifacts
 from services.tracking.page import QUIET
+from services.tracking.registry import Registry
 from services.tracking.run import Run, flat, reported
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
 
 
-NOISY_LOGGERS = ("alembic", "mlflow.store.db.utils", "mlflow.utils.validation")
+NOISY_LOGGERS = (
+    "alembic",
+    "mlflow.models.model",
+    "mlflow.pyfunc",
+    "mlflow.store.db.utils",
+    "mlflow.store.model_registry.abstract_store",
+    "mlflow.utils.validation",
+)
 
 
 def is_server(uri: str) -> bool:
@@ -54,6 +62,7 @@ class Tracker:
         params: Mapping[str, object],
         tags: Mapping[str, str],
         parent: str | None = None,
+        began: float | None = None,
     ) -> Iterator[Run]:
         """A run that ends with the ``with`` block: finished, failed or killed.
 
@@ -63,15 +72,66 @@ class Tracker:
             params: What was chosen; nested mappings become dotted keys.
             tags: What it is found by.
             parent: Id of the run that it belongs to.
+            began: When its work began (s since 1970); now by default.
         """
         with reported(f"run {name!r}"):
             links = {} if parent is None else {"mlflow.parentRunId": parent}
-            made = self._client.create_run(experiment_id, tags={**tags, **links}, run_name=name)
+            made = self._client.create_run(
+                experiment_id,
+                start_time=None if began is None else int(began * 1000),
+                tags={**tags, **links},
+                run_name=name,
+            )
             run = Run(self._client, made.info.run_id)
-        try:
+        with self._ended(run, name):
             with reported(f"run {name!r}"):
                 run.params(flat(params))
             yield run
+
+    @contextmanager
+    def resumed(
+        self,
+        experiment_id: str,
+        name: str,
+        params: Mapping[str, object],
+        tags: Mapping[str, str],
+        identity: str,
+    ) -> Iterator[Run]:
+        """The run of this identity, which goes on, or else a new one; ends like :meth:`run`.
+
+        Args:
+            experiment_id: From :meth:`experiment`.
+            name: What people call it.
+            params: What was chosen; recorded when it is new.
+            tags: What it is found by; set anew each time.
+            identity: What tells it from other runs; kept as tag ``identity``.
+        """
+        with reported(f"run {name!r}"):
+            found = self._client.search_runs(
+                [experiment_id], f"tags.identity = '{identity}'", max_results=1
+            )
+        if not found:
+            with self.run(experiment_id, name, params, {**tags, "identity": identity}) as run:
+                yield run
+            return
+        run = Run(self._client, found[0].info.run_id)
+        with reported(f"run {name!r}"):
+            self._client.update_run(run.id, status="RUNNING")
+            for key, value in tags.items():
+                run.tag(key, value)
+        with self._ended(run, name):
+            yield run
+
+    @property
+    def registry(self) -> Registry:
+        """The models that can be loaded by name."""
+        return Registry(self._client)
+
+    @contextmanager
+    def _ended(self, run: Run, name: str) -> Iterator[None]:
+        """End a run with the block, as the block ends."""
+        try:
+            yield
         except BaseException as error:
             interrupted = isinstance(error, KeyboardInterrupt | GeneratorExit)
             self._end(run, name, "KILLED" if interrupted else "FAILED")
