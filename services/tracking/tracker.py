@@ -28,6 +28,9 @@ NOISY_LOGGERS = (
     "mlflow.utils.validation",
 )
 
+KIND = {"mlflow.experimentKind": "custom_model_development"}
+"""Without it MLflow's page may show experiments as those of language models."""
+
 
 def is_server(uri: str) -> bool:
     """Whether a tracker is a server, which has a page and keeps the files of runs by itself."""
@@ -155,7 +158,7 @@ class Tracker:
 
         try:
             place = None if is_server(self.uri) else self.artifacts.as_uri()
-            made = self._client.create_experiment(name, artifact_location=place)
+            made = self._client.create_experiment(name, artifact_location=place, tags=KIND)
             return str(made)
         except MlflowException as error:
             # Another process was quicker.
