@@ -40,7 +40,7 @@ def fitted(config, data, report):
     if config.get("dies"):
         os.kill(os.getpid(), signal.SIGKILL)
     if config.get("unsendable"):
-        return lambda: (yield)
+        return threading.Lock()
     for _ in range(config.get("beats", 0)):
         time.sleep(0.1)
         report({"epoch": 2.0})
@@ -118,7 +118,8 @@ def test_a_trial_whose_worker_died_is_begun_again_a_few_times(ray_on_this_machin
 
 def test_a_result_that_cannot_be_sent_is_its_trials_fault(ray_on_this_machine):
     owner = Owner()
-    ray_on_this_machine.sweep(owner.sweep([{"add": 0, "beats": 1}, {"add": 1}]))
+    ray_on_this_machine.sweep(owner.sweep([{"add": 0, "unsendable": True}, {"add": 1}]))
+    assert "its result cannot be sent back: TypeError" in owner.done["t0"].error
     assert owner.done["t1"].result == 46.0
 
 
