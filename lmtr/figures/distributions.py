@@ -1,6 +1,6 @@
 """The two distributions by which replanners are judged (Fig. 4 a–b, Sec. 5.2)."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from lmtr.arrays import Array
 from lmtr.errors import DataError
 from lmtr.figures.style import FULL_WIDTH, SeriesStyle, Styles, styled, styles_for
+from lmtr.streams import Purpose, stream
 
 DISTANCE_BIN = 2.0
 """Width of a bin of foothold distances (cm)."""
@@ -20,25 +21,41 @@ VIOLATION_BIN = 0.5
 CLOSE_BAND = "#F1DDE0"
 """Colour behind distances that count as close, and violations that count as severe."""
 
+QUIET = "#B9B9B9"
+"""Colour of replanners that are drawn for comparison only."""
+
+DRAWS = 400
+"""Bootstrap draws of a band; its ends then repeat to a few per cent of its width."""
+
+DECADES = 4.0
+"""A logarithmic density reaches so many decades down from its largest value."""
+
+Rollouts = Sequence[ArrayLike]
+"""Values of one replanner, one array per rollout; a single array has no band."""
+
 
 @styled
 def distribution_figure(
-    distances: Mapping[str, ArrayLike],
-    violations: Mapping[str, ArrayLike],
+    distances: Mapping[str, Rollouts],
+    violations: Mapping[str, Rollouts],
     close: float = 0.05,
     severe: float = 0.05,
     styles: Styles | None = None,
+    highlighted: Collection[str] | None = None,
 ) -> Figure:
     """Both distributions side by side, one colour per replanner (Fig. 4 a–b).
 
+    Bands are 95 % intervals by bootstrap over rollouts.
+
     Args:
-        distances: By replanner, distances (m) of the closest foothold of each foot to each
-            obstacle line.
-        violations: By replanner, violations (m) of the forward range of motion by each contacting
-            foot in each sample; zero where there is none.
+        distances: By replanner and rollout, distances (m) of the closest foothold of each foot to
+            each obstacle line.
+        violations: By replanner and rollout, violations (m) of the forward range of motion by each
+            contacting foot in each sample; zero where there is none.
         close: A foothold nearer than this (m) counts as close; its share is in the legend.
         severe: A violation beyond this (m) counts as severe.
         styles: Styles of the replanners, if other figures show them too.
+        highlighted: Replanners to tell apart, the others being thin and grey; all by default.
 
     Raises:
         DataError: A replanner is missing in one of the two, or has no finite value.
@@ -49,74 +66,135 @@ def distribution_figure(
             f"{sorted(distances)} and {sorted(violations)}; evaluate all of them"
         )
     styles = styles_for(distances, styles)
-    figure = Figure(figsize=(FULL_WIDTH, 4.2), layout="constrained")
+    shown = [name for name in distances if highlighted is None or name in highlighted]
+    rows = max(1, len(shown) + (len(shown) < len(distances)))
+    figure = Figure(figsize=(FULL_WIDTH, 3.9 + 0.19 * rows), layout="constrained")
     left, right = figure.subplots(1, 2)
-    draw_distances(left, distances, close, styles)
-    draw_violations(right, violations, severe, styles)
+    draw_distances(left, distances, close, styles, shown)
+    draw_violations(right, violations, severe, styles, shown)
+    for axes in (left, right):
+        # Below the axes, so that it covers no curve however many there are.
+        axes.legend(loc="upper left", bbox_to_anchor=(-0.02, -0.15), fontsize=8.5)
     return figure
 
 
 def draw_distances(
-    axes: Axes, distances: Mapping[str, ArrayLike], close: float, styles: Styles
+    axes: Axes,
+    distances: Mapping[str, Rollouts],
+    close: float,
+    styles: Styles,
+    shown: Collection[str] | None = None,
 ) -> None:
     """Fig. 4 a: probability density of the closest foothold's distance; each area is one."""
-    samples = {name: 100.0 * _finite(name, values) for name, values in distances.items()}
-    top = max(float(values.max()) for values in samples.values())
-    edges = _edges(DISTANCE_BIN, top)
+    samples = {name: _in_cm(name, values) for name, values in distances.items()}
+    pooled = {name: np.concatenate(each) for name, each in samples.items()}
+    edges = _edges(DISTANCE_BIN, max(float(values.max()) for values in pooled.values()))
     axes.axvspan(0.0, 100.0 * close, color=CLOSE_BAND, lw=0, zorder=0.2)
-    for name, values in samples.items():
-        density, _ = np.histogram(values, edges, density=True)
-        share = 100.0 * float(np.mean(values < 100.0 * close))
+    for name, rollouts in samples.items():
+        counts = np.array([np.histogram(values, edges)[0] for values in rollouts], dtype=float)
+        totals = np.array([len(values) for values in rollouts], dtype=float) * DISTANCE_BIN
+        share = 100.0 * float(np.mean(pooled[name] < 100.0 * close))
         label = f"{name}: {share:.1f} % under {100 * close:g} cm"
-        _stairs(axes, density, edges, label, styles[name])
-    axes.set_xlim(0.0, DISTANCE_BIN * np.ceil(_quantile(samples, 0.995) / DISTANCE_BIN))
-    # Room above the curves for the legend.
-    axes.set_ylim(0.0, axes.get_ylim()[1] * (1.0 + 0.09 * len(samples)))
+        _draw(axes, counts, totals, edges, label, styles[name], shown is None or name in shown)
+    axes.set_xlim(0.0, DISTANCE_BIN * np.ceil(_quantile(pooled, 0.995) / DISTANCE_BIN))
+    axes.set_ylim(bottom=0.0)
     axes.set_xlabel("distance of the closest foothold to an obstacle line (cm)")
     axes.set_ylabel("probability density (1/cm)")
     axes.set_title("(a) Obstacle avoidance")
-    axes.legend(fontsize=8.5, frameon=True, framealpha=0.85, edgecolor="none")
 
 
 def draw_violations(
-    axes: Axes, violations: Mapping[str, ArrayLike], severe: float, styles: Styles
+    axes: Axes,
+    violations: Mapping[str, Rollouts],
+    severe: float,
+    styles: Styles,
+    shown: Collection[str] | None = None,
 ) -> None:
-    """Fig. 4 b: density of violations; the axis is zoomed to them, most samples having none.
+    """Fig. 4 b: density of violations, logarithmic, since most samples have none.
 
     The area under a curve is the share of samples with a violation.
     """
-    samples = {name: 100.0 * _finite(name, values) for name, values in violations.items()}
-    top = max(VIOLATION_BIN, 100.0 * severe, *(float(v.max()) for v in samples.values()))
+    samples = {name: _in_cm(name, values) for name, values in violations.items()}
+    pooled = {name: np.concatenate(each) for name, each in samples.items()}
+    top = max(VIOLATION_BIN, 100.0 * severe, *(float(v.max()) for v in pooled.values()))
     edges = _edges(VIOLATION_BIN, top)
     axes.axvline(100.0 * severe, color="#AAAAAA", linestyle=":", zorder=0.3)
-    for name, values in samples.items():
-        counts, _ = np.histogram(values[values > 0.0], edges)
-        density = counts / (len(values) * VIOLATION_BIN)
+    highest = 0.0
+    for name, rollouts in samples.items():
+        counts = np.array(
+            [np.histogram(values[values > 0.0], edges)[0] for values in rollouts], dtype=float
+        )
+        totals = np.array([len(values) for values in rollouts], dtype=float) * VIOLATION_BIN
+        values = pooled[name]
         share = 100.0 * float(np.mean(values > 100.0 * severe))
         label = f"{name}: mean {10 * values.mean():.2f} mm, {share:.2f} % over {100 * severe:g} cm"
-        _stairs(axes, density, edges, label, styles[name])
-    right = max(_quantile(samples, 0.9995), 120.0 * severe)
+        _draw(axes, counts, totals, edges, label, styles[name], shown is None or name in shown)
+        highest = max(highest, float((counts.sum(axis=0) / totals.sum()).max()))
+    right = max(_quantile(pooled, 0.9995), 120.0 * severe)
     axes.set_xlim(0.0, VIOLATION_BIN * np.ceil(right / VIOLATION_BIN))
-    axes.set_ylim(bottom=0.0)
+    if highest > 0.0:
+        axes.set_yscale("log")
+        axes.set_ylim(highest * 10.0**-DECADES, 2.0 * highest)
     axes.set_xlabel("violation of the forward range of motion (cm)")
-    axes.set_ylabel("probability density, zoomed (1/cm)")
+    axes.set_ylabel("probability density (1/cm)")
     axes.set_title("(b) Kinematic violation")
-    axes.legend(fontsize=8.5, frameon=True, framealpha=0.85, edgecolor="none")
 
 
-def _stairs(axes: Axes, density: Array, edges: Array, label: str, style: SeriesStyle) -> None:
+def _draw(
+    axes: Axes,
+    counts: Array,
+    totals: Array,
+    edges: Array,
+    label: str,
+    style: SeriesStyle,
+    shown: bool,
+) -> None:
+    """One density: counts (R, bins) over totals (R,) of its rollouts, with its band."""
+    density = counts.sum(axis=0) / totals.sum()
+    if not shown:
+        quiet = "others" if "others" not in axes.get_legend_handles_labels()[1] else "_other"
+        axes.stairs(density, edges, color=QUIET, linewidth=0.9, label=quiet, zorder=1.2)
+        return
+    if len(totals) > 1:
+        low, high = _band(counts, totals)
+        axes.fill_between(
+            edges,
+            [*low, low[-1]],
+            [*high, high[-1]],
+            step="post",
+            color=style.colour,
+            alpha=0.15,
+            lw=0,
+            zorder=1.4,
+        )
     axes.stairs(
-        density, edges, color=style.colour, linestyle=style.line, linewidth=1.8, label=label
+        density,
+        edges,
+        color=style.colour,
+        linestyle=style.line,
+        linewidth=1.8,
+        label=label,
+        zorder=2.0,
     )
 
 
-def _finite(name: str, values: ArrayLike) -> Array:
-    array = np.asarray(values, dtype=float).reshape(-1)
-    finite = np.asarray(array[np.isfinite(array)])
-    if not len(finite):
+def _band(counts: Array, totals: Array) -> tuple[Array, Array]:
+    """95 % intervals of a density, bin by bin, by bootstrap over rollouts."""
+    rng = stream(0, Purpose.BOOTSTRAP)
+    times = rng.multinomial(len(totals), np.full(len(totals), 1.0 / len(totals)), size=DRAWS)
+    whole = times @ totals
+    drawn = (times @ counts)[whole > 0.0] / whole[whole > 0.0][:, None]
+    low, high = np.quantile(drawn, [0.025, 0.975], axis=0)
+    return np.asarray(low), np.asarray(high)
+
+
+def _in_cm(name: str, rollouts: Rollouts) -> list[Array]:
+    arrays = [100.0 * np.asarray(values, dtype=float).reshape(-1) for values in rollouts]
+    finite = [np.asarray(array[np.isfinite(array)]) for array in arrays]
+    if not sum(map(len, finite)):
         raise DataError(
-            f"distribution figure: replanner {name!r} has no finite value among {len(array)}; "
-            "evaluate it over longer rollouts"
+            f"distribution figure: replanner {name!r} has no finite value among "
+            f"{sum(map(len, arrays))}; evaluate it over longer rollouts"
         )
     return finite
 

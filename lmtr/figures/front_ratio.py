@@ -1,42 +1,33 @@
 """How many times milder one replanner violates than another, along the whole trade-off."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from lmtr.arrays import Array
 from lmtr.errors import DataError
 from lmtr.figures.style import FULL_WIDTH, SeriesStyle, Styles, styled, styles_for
 from lmtr.figures.sweep import log_axis
+from lmtr.rollout.comparison import AtLevel
 
+Curve = Sequence[AtLevel]
+"""Two replanners at several levels of avoidance."""
 
-@dataclass(frozen=True)
-class RatioCurve:
-    """A ratio of two fronts at equal obstacle avoidance.
-
-    Attributes:
-        close_share: Share of close steps, ascending, (k,), 0 to 1.
-        ratio: Violation of the first replanner over that of the second there, (k,).
-        low: Lower end of the 95 % interval, (k,); NaN where it is not known.
-        high: Upper end, (k,); infinite where the denominator may be nothing.
-    """
-
-    close_share: Array
-    ratio: Array
-    low: Array
-    high: Array
+BEYOND = 1e9
+"""Where a band ends that has no upper end."""
 
 
 @styled
 def front_ratio_figure(
-    panels: Mapping[str, Mapping[str, RatioCurve]],
+    panels: Mapping[str, Mapping[str, Curve]],
     targets: Sequence[float] = (5.0, 10.0),
     styles: Styles | None = None,
 ) -> Figure:
     """One panel per measure of violation, one curve per pair of replanners.
+
+    A triangle marks a ratio that is a lower bound, its denominator being too rare to be told from
+    nothing.
 
     Args:
         panels: By measure, such as ``mean violation``, the curves by name of the pair.
@@ -47,7 +38,7 @@ def front_ratio_figure(
         DataError: There is no curve with a finite ratio.
     """
     finite = [
-        np.isfinite(curve.ratio).any() for curves in panels.values() for curve in curves.values()
+        any(np.isfinite(at.ratio.value) for at in curve) for curves in panels.values() for curve in curves.values()
     ]
     if not any(finite):
         raise DataError(
@@ -89,34 +80,42 @@ def front_ratio_figure(
     return figure
 
 
-def _draw(axes: Axes, curve: RatioCurve, name: str, style: SeriesStyle) -> None:
-    x = 100.0 * curve.close_share
+def _draw(axes: Axes, curve: Curve, name: str, style: SeriesStyle) -> None:
+    curve = sorted(curve, key=lambda at: at.close_share)
+    x = np.array([100.0 * at.close_share for at in curve])
+    value, low, high = (
+        np.array([getattr(at.ratio, end) for at in curve]) for end in ("value", "low", "high")
+    )
     axes.plot(
         x,
-        curve.ratio,
+        value,
         color=style.colour,
         linestyle=style.line,
-        marker=style.marker if np.isfinite(curve.ratio).sum() == 1 else "",
+        marker=style.marker,
+        markersize=5.0,
+        markeredgecolor="white",
         linewidth=2.0,
         label=name,
         zorder=3.0,
     )
-    known = np.isfinite(curve.low)
+    bound = np.array([at.ratio.at_least for at in curve]) & np.isfinite(value)
+    if bound.any():
+        axes.plot(x[bound], value[bound], "^", color=style.colour, markersize=9.0, zorder=3.1)
+    known = np.isfinite(low)
     if known.any():
-        top = np.where(np.isfinite(curve.high), curve.high, 1e6)
-        axes.fill_between(
-            x[known], curve.low[known], top[known], color=style.colour, alpha=0.16, lw=0
-        )
+        # An interval without an upper end leaves the axes.
+        top = np.where(np.isfinite(high), high, BEYOND)
+        axes.fill_between(x[known], low[known], top[known], color=style.colour, alpha=0.16, lw=0)
 
 
 def _limit(
     grid: Sequence[Axes],
-    panels: Mapping[str, Mapping[str, RatioCurve]],
+    panels: Mapping[str, Mapping[str, Curve]],
     targets: Sequence[float],
 ) -> None:
     """Logarithmic limits around ratios and targets; intervals may leave them."""
     curves = [curve for each in panels.values() for curve in each.values()]
-    ratios = np.concatenate([curve.ratio for curve in curves])
+    ratios = np.array([at.ratio.value for curve in curves for at in curve])
     ratios = ratios[np.isfinite(ratios) & (ratios > 0.0)]
     low = min([1.0, *targets, *ratios.tolist()]) / 1.6
     high = max([*targets, *ratios.tolist()]) * 2.0

@@ -18,11 +18,13 @@ class EndLabel:
 
     Attributes:
         text: What it says.
-        y: Where its curve ends, in the data's unit.
+        x: Where its curve ends, in the data's units.
+        y: Likewise.
         colour: That of its curve.
     """
 
     text: str
+    x: float
     y: float
     colour: str
 
@@ -51,23 +53,21 @@ def spread(places: Sequence[float], gap: float) -> Array:
 def label_ends(axes: Axes, labels: Sequence[EndLabel], size: float = 9.0) -> None:
     """Write labels to the right of the axes at the heights where their curves end.
 
-    Call it when the limits and the figure's size are final; a label that had to move is joined to
-    its curve's end by a thin line.
+    Each is joined to its curve's end by a thin line. Call it when the limits and the figure's size
+    are final.
     """
     if not labels:
         return
     height = axes.get_window_extent().height
     gap = LINE_HEIGHT * size * axes.figure.dpi / 72.0 / height
     to_axes = axes.transData + axes.transAxes.inverted()
-    x = axes.get_xlim()[1]
-    ends = [float(to_axes.transform((x, label.y))[1]) for label in labels]
-    ends = [min(max(end, 0.0), 1.0) for end in ends]
-    for label, end, place in zip(labels, ends, spread(ends, gap).tolist(), strict=True):
+    ends = [min(max(float(to_axes.transform((e.x, e.y))[1]), 0.0), 1.0) for e in labels]
+    for label, place in zip(labels, spread(ends, gap).tolist(), strict=True):
         axes.annotate(
             label.text,
-            xy=(1.0, end),
-            xytext=(1.035, place),
-            xycoords="axes fraction",
+            xy=(label.x, label.y),
+            xytext=(1.02, place),
+            xycoords="data",
             textcoords="axes fraction",
             ha="left",
             va="center",
@@ -77,8 +77,9 @@ def label_ends(axes: Axes, labels: Sequence[EndLabel], size: float = 9.0) -> Non
             arrowprops={
                 "arrowstyle": "-",
                 "color": label.colour,
-                "linewidth": 0.7,
+                "linewidth": 0.6,
+                "alpha": 0.6,
                 "shrinkA": 1.0,
-                "shrinkB": 0.0,
+                "shrinkB": 4.0,
             },
         )

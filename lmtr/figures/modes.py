@@ -5,18 +5,36 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
-from mpl_toolkits.mplot3d import Axes3D
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
-from lmtr.arrays import Array
+from lmtr.arrays import Array, Indices
 from lmtr.errors import DataError
 from lmtr.figures.style import FOOT_COLOURS, FULL_WIDTH, styled
 from lmtr.robot.model import FEET, N_FEET
 
 COLUMNS = 3
 """Panels in one row, at most."""
+
+NEIGHBOURHOOD_COLOURS = ("#0072B2", "#D55E00", "#E6A700")
+NEIGHBOURHOOD_MARKERS = ("o", "^", "s")
+"""One per neighbourhood of tasks; further ones begin again."""
+
+MOST_POINTS = 4000
+"""More modes than this are thinned evenly: they would only hide each other."""
+
+LIMIT_SHARE = 0.998
+"""The axes reach over this share of the modes on either side; the few beyond are not drawn."""
+
+PANEL_HEIGHT = 3.7
+"""Height of a row of panels (in)."""
+
+ELEVATION, AZIMUTH = 18.0, -52.0
+"""View of the three-dimensional panels (deg)."""
 
 
 @dataclass(frozen=True)
@@ -27,16 +45,21 @@ class Colouring:
         label: Its name with its unit.
         values: (n,); indices of feet if ``is_foot``.
         is_foot: Whether values are feet, drawn in their colours.
+        diverging: Whether zero is in the middle of the colours.
     """
 
     label: str
     values: Array
     is_foot: bool = False
+    diverging: bool = False
 
 
 @styled
 def modes_figure(
-    modes: Array, colourings: Sequence[Colouring], dimensions: tuple[int, ...] | None = None
+    modes: Array,
+    colourings: Sequence[Colouring],
+    dimensions: tuple[int, ...] | None = None,
+    neighbourhoods: Sequence[Array] = (),
 ) -> Figure:
     """Scatter of modes, one panel per property.
 
@@ -45,6 +68,8 @@ def modes_figure(
         colourings: The panels.
         dimensions: Two or three latent dimensions to show; by default the three, or two, of
             largest variance, which are those that the model uses.
+        neighbourhoods: Modes (k, dim z) of tasks that are much alike, for a last panel; where one
+            of them has several clusters, the choice of mode is multimodal.
 
     Raises:
         DataError: Fewer than two latent dimensions, no panel, or values of another length.
@@ -58,15 +83,70 @@ def modes_figure(
                 f"modes figure: {colouring.label!r} must have one value per mode, got shape "
                 f"{np.shape(colouring.values)} for {len(modes)} modes"
             )
-    rows = -(-len(colourings) // COLUMNS)
-    columns = -(-len(colourings) // rows)
-    figure = Figure(figsize=(FULL_WIDTH, 3.5 * rows), layout="constrained")
-    for k, colouring in enumerate(colourings):
-        projection = "3d" if len(shown) == 3 else None
-        axes = figure.add_subplot(rows, columns, k + 1, projection=projection)
-        _draw_panel(figure, axes, modes, shown, colouring)
-        axes.set_title(f"({chr(ord('a') + k)}) {colouring.label}", fontsize=10)
+    panels = len(colourings) + bool(len(neighbourhoods))
+    rows = -(-panels // COLUMNS)
+    columns = -(-panels // rows)
+    figure = Figure(figsize=(FULL_WIDTH, PANEL_HEIGHT * rows))
+    kept = _kept(modes, shown)
+    for number in range(panels):
+        cell = _Cell(number // columns, number % columns, rows, columns)
+        axes = cell.axes(figure, len(shown))
+        if number < len(colourings):
+            title = colourings[number].label
+            _draw_panel(axes, cell.bar(figure), modes[kept], shown, colourings[number], kept)
+        else:
+            title = "modes of alike tasks"
+            _draw_neighbourhoods(axes, modes[kept], neighbourhoods, shown)
+        cell.title(figure, f"({chr(ord('a') + number)}) {title}")
+        _draw_frame(axes, modes, shown)
     return figure
+
+
+@dataclass(frozen=True)
+class _Cell:
+    """The place of a panel, laid out by hand: what fits axes in itself wastes half of the paper in
+    three dimensions.
+    """
+
+    row: int
+    column: int
+    rows: int
+    columns: int
+
+    def axes(self, figure: Figure, dimensions: int) -> Axes:
+        """Axes of the points."""
+        if dimensions == 3:
+            return figure.add_axes(self._part(-0.06, 0.12, 1.05, 0.86), projection="3d")
+        return figure.add_axes(self._part(0.16, 0.33, 0.80, 0.57))
+
+    def bar(self, figure: Figure) -> Axes:
+        """Axes of the colour bar."""
+        return figure.add_axes(self._part(0.2, 0.105, 0.66, 0.026))
+
+    def title(self, figure: Figure, text: str) -> None:
+        """Write the headline of the panel."""
+        x, y, _, _ = self._part(0.04, 0.985, 0.0, 0.0)
+        figure.text(x, y, text, va="top", weight="bold", size=10)
+
+    def _part(self, x: float, y: float, width: float, height: float) -> tuple[float, ...]:
+        """A part of the cell as a part of the figure."""
+        left, bottom = self.column, self.rows - 1 - self.row
+        return (
+            (left + x) / self.columns,
+            (bottom + y) / self.rows,
+            width / self.columns,
+            height / self.rows,
+        )
+
+
+def _kept(modes: Array, shown: tuple[int, ...]) -> Indices:
+    """Points that are drawn: those within the limits, and not more than can be told apart."""
+    inside = np.ones(len(modes), dtype=bool)
+    for k in shown:
+        low, high = np.quantile(modes[:, k], [1.0 - LIMIT_SHARE, LIMIT_SHARE])
+        inside &= (modes[:, k] >= low) & (modes[:, k] <= high)
+    kept = np.flatnonzero(inside)
+    return np.asarray(kept[:: -(-len(kept) // MOST_POINTS)])
 
 
 def _dimensions(modes: Array, dimensions: tuple[int, ...] | None) -> tuple[int, ...]:
@@ -87,7 +167,12 @@ def _dimensions(modes: Array, dimensions: tuple[int, ...] | None) -> tuple[int, 
 
 
 def _draw_panel(
-    figure: Figure, axes: Axes3D, modes: Array, shown: tuple[int, ...], colouring: Colouring
+    axes: Axes,
+    bar_axes: Axes,
+    modes: Array,
+    shown: tuple[int, ...],
+    colouring: Colouring,
+    kept: Indices,
 ) -> None:
     values = np.asarray(colouring.values, dtype=float)
     if colouring.is_foot:
@@ -97,16 +182,83 @@ def _draw_panel(
         }
     else:
         # Outliers must not take the colour scale away from the bulk.
-        low, high = np.quantile(values, [0.01, 0.99])
-        colours = {"cmap": "viridis", "vmin": low, "vmax": high}
+        low, high = np.quantile(values, [0.02, 0.98])
+        if colouring.diverging:
+            high = max(abs(low), abs(high))
+            low = -high
+        colours = {
+            "cmap": "PuOr" if colouring.diverging else "viridis",
+            "vmin": low,
+            "vmax": high,
+        }
     points = axes.scatter(
-        *(modes[:, k] for k in shown), c=values, s=5, linewidths=0, alpha=0.7, **colours
+        *(modes[:, k] for k in shown),
+        c=values[kept],
+        s=6,
+        linewidths=0,
+        alpha=0.75,
+        rasterized=True,
+        **colours,
     )
     # The bar shows the pure colours, the points being translucent.
     scale = ScalarMappable(points.norm, points.cmap)
-    pad = 0.12 if len(shown) == 3 else 0.03
-    bar = figure.colorbar(scale, ax=axes, shrink=0.7, pad=pad)
+    bar = axes.figure.colorbar(scale, cax=bar_axes, orientation="horizontal")
+    bar.outline.set_visible(False)
     if colouring.is_foot:
         bar.set_ticks(range(N_FEET), labels=FEET)
+        bar.ax.tick_params(length=0)
+    else:
+        bar.locator = MaxNLocator(5)
+        bar.update_ticks()
+
+
+def _draw_neighbourhoods(
+    axes: Axes, modes: Array, neighbourhoods: Sequence[Array], shown: tuple[int, ...]
+) -> None:
+    axes.scatter(
+        *(modes[:, k] for k in shown), c="#C8C8C8", s=3, linewidths=0, alpha=0.35, rasterized=True
+    )
+    handles = []
+    for number, each in enumerate(neighbourhoods):
+        colour = NEIGHBOURHOOD_COLOURS[number % len(NEIGHBOURHOOD_COLOURS)]
+        marker = NEIGHBOURHOOD_MARKERS[number % len(NEIGHBOURHOOD_MARKERS)]
+        # In three dimensions far points would be faded, as if they were few.
+        unfaded = {"depthshade": False} if len(shown) == 3 else {}
+        axes.scatter(
+            *(each[:, k] for k in shown),
+            c=colour,
+            marker=marker,
+            s=24,
+            linewidths=0.4,
+            edgecolors="white",
+            **unfaded,
+        )
+        handles.append(Line2D([], [], color=colour, marker=marker, ls="", label=f"{number + 1}"))
+    axes.legend(
+        handles=handles,
+        title="neighbourhood of tasks",
+        title_fontsize=9,
+        loc="upper center",
+        bbox_to_anchor=(0.53, 0.055),
+        ncols=len(handles),
+        columnspacing=1.0,
+        handletextpad=0.1,
+    )
+
+
+def _draw_frame(axes: Axes, modes: Array, shown: tuple[int, ...]) -> None:
+    """Limits around the bulk, few ticks, and a light frame."""
     for name, k in zip("xyz", shown, strict=False):
-        axes.set(**{f"{name}label": f"$z_{{{k + 1}}}$ (–)"})
+        low, high = np.quantile(modes[:, k], [1.0 - LIMIT_SHARE, LIMIT_SHARE])
+        pad = 0.05 * max(high - low, 1e-6)
+        axes.set(**{f"{name}label": f"$z_{{{k + 1}}}$ (–)", f"{name}lim": (low - pad, high + pad)})
+        axis = getattr(axes, f"{name}axis")
+        axis.set_major_locator(MaxNLocator(4, integer=True))
+        axis.set_tick_params(labelsize=8, pad=-1.5 if len(shown) == 3 else 3)
+        if len(shown) == 3:
+            axis.labelpad = -4.0
+            axis.pane.set_facecolor("#FAFAFA")
+            axis.pane.set_edgecolor("#CCCCCC")
+    if len(shown) == 3:
+        axes.view_init(elev=ELEVATION, azim=AZIMUTH)
+        axes.set_box_aspect((1.0, 1.0, 0.85), zoom=0.98)

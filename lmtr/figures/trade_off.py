@@ -3,10 +3,23 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lmtr.errors import DataError
-from lmtr.figures.style import HALF_WIDTH, Styles, styled, styles_for
+from lmtr.figures.labels import EndLabel, label_ends
+from lmtr.figures.style import FULL_WIDTH, INK, SeriesStyle, Styles, styled, styles_for
+from lmtr.figures.sweep import log_axis
+from lmtr.rollout.fronts import pareto_front
+
+WIDTH = 0.72 * FULL_WIDTH
+HEIGHT = 5.0
+
+WIDE = 8.0
+"""A violation whose largest value is so many times its smallest is drawn on a logarithmic axis."""
+
+Interval = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -17,11 +30,17 @@ class TradeOff:
         close_share: Share of obstacle–foot pairs with a close foothold, 0 to 1.
         violation: Violation measure, in the unit that the figure's label states.
         note: Written beside the point, such as w; may be empty.
+        close_interval: 95 % interval of the share, where it is known.
+        violation_interval: Likewise of the violation.
+        reported: Whether this is the w that tables report, drawn as a star.
     """
 
     close_share: float
     violation: float
     note: str = ""
+    close_interval: Interval | None = None
+    violation_interval: Interval | None = None
+    reported: bool = False
 
 
 @styled
@@ -32,50 +51,126 @@ def trade_off_figure(
 ) -> Figure:
     """One point per replanner and weight vector; the best corner is at the lower left.
 
+    The points of a replanner that no other of its points beats in both measures are its front:
+    they are joined, and have their intervals. The others are faint.
+
     Args:
-        points: By replanner, its points; they are joined from few to many close footholds.
+        points: By replanner, its points.
         violation_label: What ``violation`` measures, with its unit.
         styles: Styles of the replanners, if other figures show them too.
 
     Raises:
         DataError: There is no point.
     """
-    if not any(points.values()):
+    every = [point for series in points.values() for point in series]
+    if not every:
         raise DataError("trade-off figure: needs at least one point, got none; evaluate replanners")
     styles = styles_for(points, styles)
-    figure = Figure(figsize=(HALF_WIDTH * 1.25, 4.2), layout="constrained")
+    figure = Figure(figsize=(WIDTH, HEIGHT))
+    longest = max(len(name) for name in points)
+    figure.subplots_adjust(0.095, 0.11, min(0.9, 0.93 - 0.0095 * longest), 0.93)
     axes = figure.subplots()
-    for name, series in points.items():
-        ordered = sorted(series, key=lambda point: point.close_share)
-        x = [100.0 * point.close_share for point in ordered]
-        y = [point.violation for point in ordered]
-        style = styles[name]
-        axes.plot(x, y, color=style.colour, linewidth=0.9, alpha=0.6)
-        axes.plot(x, y, style.marker, color=style.colour, markersize=7, label=name)
-        for point in ordered:
-            axes.annotate(
-                point.note,
-                (100.0 * point.close_share, point.violation),
-                xytext=(0, 7),
-                textcoords="offset points",
-                ha="center",
-                fontsize=8,
-                color=style.colour,
-            )
-    axes.margins(0.12)
-    axes.set_xlim(left=0.0)
-    axes.set_ylim(bottom=0.0)
+    ends = {
+        name: _draw_series(axes, name, series, styles[name])
+        for name, series in points.items()
+        if series
+    }
+    _scale(axes, every)
+    axes.set_xlabel("close footholds (% of obstacle–foot pairs)")
+    axes.set_ylabel(violation_label)
+    axes.set_title("Avoidance against kinematics")
     axes.annotate(
         "better",
-        xy=(0.015, 0.02),
-        xytext=(0.13, 0.12),
+        xy=(0.012, 0.016),
+        xytext=(0.075, 0.075),
         xycoords="axes fraction",
         arrowprops={"arrowstyle": "->", "color": "#888888"},
         color="#666666",
         fontsize=9,
     )
-    axes.set_xlabel("close footholds (% of obstacle–foot pairs)")
-    axes.set_ylabel(violation_label)
-    axes.set_title("Avoidance against kinematics")
-    axes.legend()
+    if any(point.reported for point in every):
+        axes.plot([], [], "*", color=INK, markersize=11, label="w that is reported")
+        axes.legend(loc="upper right")
+    label_ends(axes, [EndLabel(name, *end, styles[name].colour) for name, end in ends.items()])
     return figure
+
+
+def _draw_series(
+    axes: Axes, name: str, series: Sequence[TradeOff], style: SeriesStyle
+) -> tuple[float, float]:
+    """Draw a replanner's points; returns where its front ends."""
+    ordered = sorted(series, key=lambda point: (point.close_share, point.violation))
+    rates = np.array([(100.0 * point.close_share, point.violation) for point in ordered])
+    axes.plot(
+        *rates.T,
+        style.marker,
+        color=style.colour,
+        markersize=5.0,
+        markeredgewidth=0.0,
+        alpha=0.38,
+        label=name,
+    )
+    front = pareto_front(rates)
+    best = [ordered[k] for k in front]
+    axes.plot(
+        *rates[front].T,
+        color=style.colour,
+        linestyle=style.line,
+        marker=style.marker,
+        markersize=6.5,
+        markeredgecolor="white",
+        markeredgewidth=0.8,
+        linewidth=1.5,
+        zorder=3.0,
+        label="_front",
+    )
+    for point in best:
+        _draw_intervals(axes, point, style)
+    for point in ordered:
+        x = 100.0 * point.close_share
+        if point.reported:
+            axes.plot(
+                [x],
+                [point.violation],
+                "*",
+                color=style.colour,
+                markersize=15,
+                markeredgecolor=INK,
+                markeredgewidth=0.8,
+                zorder=4.0,
+                label="_reported",
+            )
+        axes.annotate(
+            point.note,
+            (x, point.violation),
+            xytext=(0, 7),
+            textcoords="offset points",
+            ha="center",
+            fontsize=8,
+            color=style.colour,
+        )
+    x, y = rates[front[-1] if len(front) else -1].tolist()
+    return x, y
+
+
+def _draw_intervals(axes: Axes, point: TradeOff, style: SeriesStyle) -> None:
+    x = 100.0 * point.close_share
+    line = {"color": style.colour, "linewidth": 1.0, "alpha": 0.65, "zorder": 2.0}
+    if point.close_interval is not None:
+        low, high = (100.0 * end for end in point.close_interval)
+        axes.plot([low, high], [point.violation] * 2, **line)
+    if point.violation_interval is not None:
+        axes.plot([x, x], point.violation_interval, **line)
+
+
+def _scale(axes: Axes, points: Sequence[TradeOff]) -> None:
+    """Limits, and a logarithmic vertical axis where violations differ by much."""
+    violations = np.array([point.violation for point in points])
+    violations = violations[np.isfinite(violations)]
+    axes.margins(0.06)
+    if len(violations) and violations.min() > 0.0 and violations.max() > WIDE * violations.min():
+        axes.set_ylim(0.6 * violations.min(), 1.5 * violations.max())
+        log_axis(axes, "y")
+    else:
+        axes.set_ylim(bottom=0.0)
+    axes.set_xlim(left=0.0)
