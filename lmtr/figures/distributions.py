@@ -15,7 +15,7 @@ from lmtr.streams import Purpose, stream
 DISTANCE_BIN = 2.0
 """Width of a bin of foothold distances (cm)."""
 
-VIOLATION_BIN = 0.5
+VIOLATION_BIN = 1.0
 """Width of a bin of range-of-motion violations (cm)."""
 
 CLOSE_BAND = "#F1DDE0"
@@ -27,8 +27,11 @@ QUIET = "#B9B9B9"
 DRAWS = 400
 """Bootstrap draws of a band; its ends then repeat to a few per cent of its width."""
 
-DECADES = 4.0
-"""A logarithmic density reaches so many decades down from its largest value."""
+DECADES = 3.0
+"""A logarithmic density reaches so many decades down from its largest value, at most."""
+
+OTHERS = "others"
+"""Name of the replanners that are not told apart."""
 
 Rollouts = Sequence[ArrayLike]
 """Values of one replanner, one array per rollout; a single array has no band."""
@@ -74,7 +77,7 @@ def distribution_figure(
     draw_violations(right, violations, severe, styles, shown)
     for axes in (left, right):
         # Below the axes, so that it covers no curve however many there are.
-        axes.legend(loc="upper left", bbox_to_anchor=(-0.02, -0.15), fontsize=8.5)
+        _key(axes)
     return figure
 
 
@@ -119,22 +122,23 @@ def draw_violations(
     top = max(VIOLATION_BIN, 100.0 * severe, *(float(v.max()) for v in pooled.values()))
     edges = _edges(VIOLATION_BIN, top)
     axes.axvline(100.0 * severe, color="#AAAAAA", linestyle=":", zorder=0.3)
-    highest = 0.0
+    highest, least = 0.0, np.inf
     for name, rollouts in samples.items():
         counts = np.array(
             [np.histogram(values[values > 0.0], edges)[0] for values in rollouts], dtype=float
         )
         totals = np.array([len(values) for values in rollouts], dtype=float) * VIOLATION_BIN
-        values = pooled[name]
+        values, told = pooled[name], shown is None or name in shown
         share = 100.0 * float(np.mean(values > 100.0 * severe))
         label = f"{name}: mean {10 * values.mean():.2f} mm, {share:.2f} % over {100 * severe:g} cm"
-        _draw(axes, counts, totals, edges, label, styles[name], shown is None or name in shown)
-        highest = max(highest, float((counts.sum(axis=0) / totals.sum()).max()))
+        _draw(axes, counts, totals, edges, label, styles[name], told, log=True)
+        highest = max(highest, float(counts.sum(axis=0).max() / totals.sum()))
+        least = min(least, 1.0 / totals.sum())
     right = max(_quantile(pooled, 0.9995), 120.0 * severe)
     axes.set_xlim(0.0, VIOLATION_BIN * np.ceil(right / VIOLATION_BIN))
     if highest > 0.0:
         axes.set_yscale("log")
-        axes.set_ylim(highest * 10.0**-DECADES, 2.0 * highest)
+        axes.set_ylim(max(highest * 10.0**-DECADES, 0.7 * least), 2.0 * highest)
     axes.set_xlabel("violation of the forward range of motion (cm)")
     axes.set_ylabel("probability density (1/cm)")
     axes.set_title("(b) Kinematic violation")
@@ -148,33 +152,47 @@ def _draw(
     label: str,
     style: SeriesStyle,
     shown: bool,
+    log: bool = False,
 ) -> None:
     """One density: counts (R, bins) over totals (R,) of its rollouts, with its band."""
+    centres = (edges[:-1] + edges[1:]) / 2.0
     density = counts.sum(axis=0) / totals.sum()
+    if log:
+        # A logarithmic axis has no place for bins without a count: the curve is interrupted there.
+        density = np.where(density > 0.0, density, np.nan)
     if not shown:
-        quiet = "others" if "others" not in axes.get_legend_handles_labels()[1] else "_other"
-        axes.stairs(density, edges, color=QUIET, linewidth=0.9, label=quiet, zorder=1.2)
+        told = OTHERS in axes.get_legend_handles_labels()[1]
+        axes.plot(
+            centres, density, color=QUIET, lw=0.9, label="_other" if told else OTHERS, zorder=1.2
+        )
         return
     if len(totals) > 1:
         low, high = _band(counts, totals)
-        axes.fill_between(
-            edges,
-            [*low, low[-1]],
-            [*high, high[-1]],
-            step="post",
-            color=style.colour,
-            alpha=0.15,
-            lw=0,
-            zorder=1.4,
-        )
-    axes.stairs(
+        axes.fill_between(centres, low, high, color=style.colour, alpha=0.12, lw=0, zorder=1.4)
+    axes.plot(
+        centres,
         density,
-        edges,
         color=style.colour,
         linestyle=style.line,
-        linewidth=1.8,
+        marker=style.marker,
+        markersize=3.6,
+        linewidth=1.7,
         label=label,
         zorder=2.0,
+    )
+
+
+def _key(axes: Axes) -> None:
+    """A legend below the axes, so that it covers no curve; the others come last."""
+    entries = sorted(
+        zip(*axes.get_legend_handles_labels(), strict=True), key=lambda entry: entry[1] == OTHERS
+    )
+    axes.legend(
+        [handle for handle, _ in entries],
+        [label for _, label in entries],
+        loc="upper left",
+        bbox_to_anchor=(-0.02, -0.15),
+        fontsize=8.5,
     )
 
 

@@ -26,8 +26,8 @@ def front_ratio_figure(
 ) -> Figure:
     """One panel per measure of violation, one curve per pair of replanners.
 
-    A triangle marks a ratio that is a lower bound, its denominator being too rare to be told from
-    nothing.
+    A large triangle marks a ratio that is a lower bound, its denominator being too rare to be told
+    from nothing; an arrow at the bottom a ratio of zero, and at the top one of infinity.
 
     Args:
         panels: By measure, such as ``mean violation``, the curves by name of the pair.
@@ -38,7 +38,10 @@ def front_ratio_figure(
         DataError: There is no curve with a finite ratio.
     """
     finite = [
-        any(np.isfinite(at.ratio.value) for at in curve) for curves in panels.values() for curve in curves.values()
+        np.isfinite(at.ratio.value)
+        for curves in panels.values()
+        for curve in curves.values()
+        for at in curve
     ]
     if not any(finite):
         raise DataError(
@@ -68,7 +71,7 @@ def front_ratio_figure(
         axes.axhline(1.0, color="#999999", lw=0.9, zorder=0.5)
         axes.set_title(f"({chr(ord('a') + number)}) {measure}")
         axes.set_xlabel("close footholds (% of obstacle–foot pairs)")
-        axes.set_xlim(left=0.0)
+        axes.margins(x=0.06)
     _limit(grid, panels, targets)
     grid[0].set_ylabel("library over LMTR, at equal avoidance (×)")
     entries = {
@@ -86,14 +89,28 @@ def _draw(axes: Axes, curve: Curve, name: str, style: SeriesStyle) -> None:
     value, low, high = (
         np.array([getattr(at.ratio, end) for at in curve]) for end in ("value", "low", "high")
     )
+    # Neither nothing nor infinity has a place on a logarithmic axis: arrows at its ends stand for
+    # them.
+    across = axes.get_xaxis_transform()
+    for there, end, marker in ((value == 0.0, 0.02, "v"), (np.isposinf(value), 0.98, "^")):
+        axes.plot(
+            x[there],
+            np.full(there.sum(), end),
+            marker,
+            color=style.colour,
+            markersize=7.0,
+            transform=across,
+            zorder=3.1,
+        )
+    value = np.where((value > 0.0) & np.isfinite(value), value, np.nan)
     axes.plot(
         x,
         value,
         color=style.colour,
         linestyle=style.line,
         marker=style.marker,
-        markersize=5.0,
-        markeredgecolor="white",
+        markersize=4.5,
+        markeredgewidth=0.0,
         linewidth=2.0,
         label=name,
         zorder=3.0,

@@ -5,10 +5,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, StrMethodFormatter
 
 from lmtr.errors import DataError
-from lmtr.figures.style import FULL_WIDTH, SeriesStyle, Styles, styled, styles_for
+from lmtr.figures.style import FULL_WIDTH, INK, SeriesStyle, Styles, styled, styles_for
 
 Record = Mapping[str, float]
 History = Sequence[Record]
@@ -20,6 +21,9 @@ PANELS = (
     ("kl", "KL divergence (nats)", "Information in the mode"),
 )
 """Quantity, axis label and title of each panel; a panel without data is left out."""
+
+PARTS = {"train": (0.9, 0.55), "validation": (2.0, 1.0)}
+"""Line width and opacity of the two parts of the data."""
 
 
 @styled
@@ -73,7 +77,7 @@ def _has(histories: Mapping[str, History], quantity: str) -> bool:
 
 
 def _draw(axes: Axes, history: History, quantity: str, name: str, style: SeriesStyle) -> None:
-    for part, width, alpha in (("train", 0.9, 0.55), ("validation", 2.0, 1.0)):
+    for part, (width, alpha) in PARTS.items():
         column = f"{part}_{quantity}"
         points = np.array([(r["epoch"], r[column]) for r in history if column in r], dtype=float)
         if not len(points):
@@ -91,13 +95,19 @@ def _draw(axes: Axes, history: History, quantity: str, name: str, style: SeriesS
 
 
 def _with_legend(figure: Figure) -> Figure:
-    """One legend under all panels, each curve named once."""
-    entries = {
-        label: handle
-        for axes in figure.axes
-        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
-    }
+    """One legend under all panels: each model once, and what thick and thin lines are."""
+    entries: dict[str, Line2D] = {}
+    for axes in figure.axes:
+        for line in axes.lines:
+            name = str(line.get_label()).rsplit(", ", 1)[0]
+            entries.setdefault(name, Line2D([], [], color=line.get_color(), linewidth=2.0))
+            entries[name].set_linestyle(line.get_linestyle())
+    for part, (width, alpha) in PARTS.items():
+        entries[part] = Line2D([], [], color=INK, linewidth=width, alpha=alpha)
     figure.legend(
-        entries.values(), entries.keys(), loc="outside lower center", ncols=min(4, len(entries))
+        list(entries.values()),
+        list(entries),
+        loc="outside lower center",
+        ncols=min(6, len(entries)),
     )
     return figure

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d import Axes3D
 
 from lmtr.arrays import Array, Indices
 from lmtr.errors import DataError
@@ -35,6 +35,10 @@ PANEL_HEIGHT = 3.7
 
 ELEVATION, AZIMUTH = 18.0, -52.0
 """View of the three-dimensional panels (deg)."""
+
+
+Rectangle = tuple[float, float, float, float]
+"""Left, bottom, width and height, as parts of the figure."""
 
 
 @dataclass(frozen=True)
@@ -104,8 +108,9 @@ def modes_figure(
 
 @dataclass(frozen=True)
 class _Cell:
-    """The place of a panel, laid out by hand: what fits axes in itself wastes half of the paper in
-    three dimensions.
+    """The place of a panel, laid out by hand.
+
+    Automatic layouts leave half of the paper empty around axes in three dimensions.
     """
 
     row: int
@@ -113,14 +118,14 @@ class _Cell:
     rows: int
     columns: int
 
-    def axes(self, figure: Figure, dimensions: int) -> Axes:
-        """Axes of the points."""
+    def axes(self, figure: Figure, dimensions: int) -> Axes3D:
+        """Axes3D of the points."""
         if dimensions == 3:
             return figure.add_axes(self._part(-0.06, 0.12, 1.05, 0.86), projection="3d")
         return figure.add_axes(self._part(0.16, 0.33, 0.80, 0.57))
 
-    def bar(self, figure: Figure) -> Axes:
-        """Axes of the colour bar."""
+    def bar(self, figure: Figure) -> Axes3D:
+        """Axes3D of the colour bar."""
         return figure.add_axes(self._part(0.2, 0.105, 0.66, 0.026))
 
     def title(self, figure: Figure, text: str) -> None:
@@ -128,7 +133,9 @@ class _Cell:
         x, y, _, _ = self._part(0.04, 0.985, 0.0, 0.0)
         figure.text(x, y, text, va="top", weight="bold", size=10)
 
-    def _part(self, x: float, y: float, width: float, height: float) -> tuple[float, ...]:
+    def _part(
+        self, x: float, y: float, width: float, height: float
+    ) -> tuple[float, float, float, float]:
         """A part of the cell as a part of the figure."""
         left, bottom = self.column, self.rows - 1 - self.row
         return (
@@ -167,8 +174,8 @@ def _dimensions(modes: Array, dimensions: tuple[int, ...] | None) -> tuple[int, 
 
 
 def _draw_panel(
-    axes: Axes,
-    bar_axes: Axes,
+    axes: Axes3D,
+    bar_axes: Axes3D,
     modes: Array,
     shown: tuple[int, ...],
     colouring: Colouring,
@@ -213,7 +220,7 @@ def _draw_panel(
 
 
 def _draw_neighbourhoods(
-    axes: Axes, modes: Array, neighbourhoods: Sequence[Array], shown: tuple[int, ...]
+    axes: Axes3D, modes: Array, neighbourhoods: Sequence[Array], shown: tuple[int, ...]
 ) -> None:
     axes.scatter(
         *(modes[:, k] for k in shown), c="#C8C8C8", s=3, linewidths=0, alpha=0.35, rasterized=True
@@ -246,7 +253,7 @@ def _draw_neighbourhoods(
     )
 
 
-def _draw_frame(axes: Axes, modes: Array, shown: tuple[int, ...]) -> None:
+def _draw_frame(axes: Axes3D, modes: Array, shown: tuple[int, ...]) -> None:
     """Limits around the bulk, few ticks, and a light frame."""
     for name, k in zip("xyz", shown, strict=False):
         low, high = np.quantile(modes[:, k], [1.0 - LIMIT_SHARE, LIMIT_SHARE])

@@ -77,7 +77,7 @@ def strategies_figure(panels: Sequence[Strategies]) -> Figure:
         axes.set_xlim(*window[:2])
         axes.set_ylim(*window[2:])
         axes.set_aspect("equal")
-        axes.set_title(panel.title, color=panel.colour, fontsize=10)
+        axes.set_title(panel.title, color=panel.colour, fontsize=9.5)
     for axes in grid[-1]:
         axes.set_xlabel("x (m)")
     for axes in grid[:, 0]:
@@ -88,7 +88,8 @@ def strategies_figure(panels: Sequence[Strategies]) -> Figure:
 
 def _window(panels: Sequence[Strategies]) -> tuple[float, float, float, float]:
     """Left, right, bottom and top of the ground under all footholds (m)."""
-    feet = np.concatenate([p.segments.footholds[..., GROUND_POSITION].reshape(-1, 2) for p in panels])
+    places = [panel.segments.footholds[..., GROUND_POSITION] for panel in panels]
+    feet = np.concatenate([each.reshape(-1, 2) for each in places])
     (left, bottom), (right, top) = feet.min(axis=0) - MARGIN, feet.max(axis=0) + MARGIN
     return float(left), float(right), float(bottom), float(top)
 
@@ -105,9 +106,7 @@ def _draw(axes: Axes, panel: Strategies) -> None:
         first, last = footholds[:, number, 0], footholds[:, number, -1]
         for begin, end in zip(first, last, strict=True):
             axes.plot(*np.stack([begin, end]).T, color=colour, lw=1.0, alpha=faint, zorder=2.0)
-        axes.plot(
-            *first.mean(axis=0), "o", markerfacecolor="white", markeredgecolor=colour, ms=7, zorder=3
-        )
+        axes.plot(*first.mean(axis=0), "o", mfc="white", mec=colour, ms=7, zorder=3.0)
         axes.plot(*last.T, "x", color=colour, ms=7, mew=1.7, alpha=0.85, zorder=3.0, label=foot)
     times = np.linspace(panel.segments.base_start, panel.segments.base_end, PATH_POINTS, axis=-1)
     for path in sample_base(panel.segments, times).position[..., GROUND_POSITION]:

@@ -17,6 +17,9 @@ from lmtr.figures.style import FULL_WIDTH, SeriesStyle, Styles, styled, styles_f
 COLUMNS = 3
 """Panels in one row, at most."""
 
+BESIDE = 0.07
+"""Seeds are drawn so far to the right of their mean, in units of the spacing of values."""
+
 SPARSE = 1.6
 """A logarithmic axis that spans less than so many decades is given labels between its decades."""
 
@@ -135,7 +138,8 @@ def _draw_panel(axes: Axes, panel: SweepPanel, values: list[float], styles: Styl
     if panel.log and min(drawn) > 0.0:
         log_axis(axes, "y")
     else:
-        axes.set_ylim(bottom=0.0)
+        _, top = axes.get_ylim()
+        axes.set_ylim(0.0, 1.04 * top)
     axes.set_xlim(-0.4, len(values) - 0.6)
     axes.grid(visible=False, axis="x")
     axes.set_ylabel(panel.label)
@@ -176,12 +180,12 @@ def _draw_series(
         if len(series.seeds[x]) > 1:
             seeds = np.asarray(series.seeds[x], dtype=float)
             axes.plot(
-                np.full(len(seeds), place),
+                np.full(len(seeds), place + BESIDE),
                 seeds,
                 "o",
                 color=style.colour,
-                alpha=0.45,
-                markersize=3.2,
+                alpha=0.7,
+                markersize=3.0,
                 markeredgewidth=0.0,
                 zorder=2.0,
             )
@@ -230,6 +234,8 @@ def _key(figure: Figure) -> None:
         for axes in figure.axes
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
     }
+    if len(entries) < 2:
+        return
     figure.legend(
         list(entries.values()),
         list(entries),

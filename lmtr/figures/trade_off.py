@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lmtr.errors import DataError
-from lmtr.figures.labels import EndLabel, label_ends
+from lmtr.figures.labels import PointLabel, label_points
 from lmtr.figures.style import FULL_WIDTH, INK, SeriesStyle, Styles, styled, styles_for
 from lmtr.figures.sweep import log_axis
 from lmtr.rollout.fronts import pareto_front
@@ -67,8 +67,7 @@ def trade_off_figure(
         raise DataError("trade-off figure: needs at least one point, got none; evaluate replanners")
     styles = styles_for(points, styles)
     figure = Figure(figsize=(WIDTH, HEIGHT))
-    longest = max(len(name) for name in points)
-    figure.subplots_adjust(0.095, 0.11, min(0.9, 0.93 - 0.0095 * longest), 0.93)
+    figure.subplots_adjust(0.095, 0.11, 0.985, 0.93)
     axes = figure.subplots()
     ends = {
         name: _draw_series(axes, name, series, styles[name])
@@ -89,9 +88,9 @@ def trade_off_figure(
         fontsize=9,
     )
     if any(point.reported for point in every):
-        axes.plot([], [], "*", color=INK, markersize=11, label="w that is reported")
-        axes.legend(loc="upper right")
-    label_ends(axes, [EndLabel(name, *end, styles[name].colour) for name, end in ends.items()])
+        (star,) = axes.plot([], [], "*", color=INK, markersize=11)
+        axes.legend([star], ["w that is reported"], loc="lower right", bbox_to_anchor=(1.0, 1.0))
+    label_points(axes, [PointLabel(name, *end, styles[name].colour) for name, end in ends.items()])
     return figure
 
 
@@ -155,12 +154,14 @@ def _draw_series(
 
 def _draw_intervals(axes: Axes, point: TradeOff, style: SeriesStyle) -> None:
     x = 100.0 * point.close_share
-    line = {"color": style.colour, "linewidth": 1.0, "alpha": 0.65, "zorder": 2.0}
+    lines = []
     if point.close_interval is not None:
         low, high = (100.0 * end for end in point.close_interval)
-        axes.plot([low, high], [point.violation] * 2, **line)
+        lines.append(([low, high], [point.violation] * 2))
     if point.violation_interval is not None:
-        axes.plot([x, x], point.violation_interval, **line)
+        lines.append(([x, x], list(point.violation_interval)))
+    for across, up in lines:
+        axes.plot(across, up, color=style.colour, linewidth=0.9, alpha=0.45, zorder=1.5)
 
 
 def _scale(axes: Axes, points: Sequence[TradeOff]) -> None:

@@ -1,4 +1,4 @@
-"""Commands that make things: run, generate, segment, train, evaluate, report.
+"""Commands that make things: run, generate, segment, train, evaluate, report, results.
 
 Stages are imported when they are called, so that ``lmtr --help`` answers at once.
 """
@@ -36,6 +36,7 @@ def register(app: typer.Typer) -> None:
     app.command(rich_help_panel=panel)(train)
     app.command(rich_help_panel=panel)(evaluate)
     app.command(rich_help_panel=panel)(report)
+    app.command(rich_help_panel=panel)(results)
 
 
 def run(
@@ -197,3 +198,32 @@ def report(
     settings = options.configuration(config, overrides, variant)
     space = options.workspace(ctx, home, settings)
     typer.echo(write(space, options.learning_data(space, settings, config, dataset, at)))
+
+
+def results(
+    ctx: typer.Context,
+    config: Annotated[
+        str,
+        typer.Argument(
+            help="Built-in name (`demo`, `paper`, …) or path of a TOML file.", metavar="CONFIG"
+        ),
+    ],
+    films: Annotated[
+        bool, typer.Option(help="Draw a film of each kind of replanner; takes a minute.")
+    ] = True,
+    overrides: SetOption = None,
+    home: HomeOption = None,
+) -> None:
+    """Write the results of a study from what is there: claims, tables, figures, numbers.
+
+    Nothing is made but the page; what the study has not made yet is named on it.
+    """
+    from pipelines.results import found_parts
+    from pipelines.results import results as write
+    from pipelines.run import STAGES
+    from pipelines.stage_times import StageTimes
+
+    study = options.study(config, overrides)
+    space = options.workspace(ctx, home, study.base)
+    seconds = StageTimes(space.home.reports / study.name / STAGES).seconds
+    typer.echo(write(study.name, space, found_parts(study, space), seconds, films=films))

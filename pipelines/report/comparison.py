@@ -23,8 +23,8 @@ def comparison_section(evaluations: Sequence[Evaluation], expert: Evaluation) ->
             Picture(
                 "distributions",
                 distribution_figure(
-                    {e.label: e.clearances for e in judged},
-                    {e.label: e.violations for e in judged},
+                    {e.label: [e.clearances] for e in judged},
+                    {e.label: [e.violations] for e in judged},
                     close=criteria.clearance,
                     severe=criteria.large_violation,
                     styles=styles,

@@ -48,7 +48,7 @@ class Measure:
     def as_json(self) -> dict[str, object]:
         """Plain types; what is not finite becomes text."""
         ends = {"value": self.value, "low": self.low, "high": self.high}
-        plain = {k: plain_number(v) for k, v in ends.items() if v is not None}
+        plain: dict[str, object] = {k: plain_number(v) for k, v in ends.items() if v is not None}
         return plain | ({"at_least": True} if self.at_least else {})
 
 

@@ -1,0 +1,136 @@
+"""The results of a study as one page: read from the lake, drawn, and put in place when whole."""
+
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from lmtr.models.trained import TrainedModel
+from lmtr.policies.distance import TaskWeights
+from pipelines.config import Configuration
+from pipelines.datasets import configuration_of
+from pipelines.invocation import command, short
+from pipelines.learning_data import learning_data
+from pipelines.progress import bar, say
+from pipelines.registry import load
+from pipelines.results.blocks import Chapter, Missing
+from pipelines.results.claims import claims_chapter, targets_chapter
+from pipelines.results.comparison import comparison_chapter
+from pipelines.results.data import data_chapter
+from pipelines.results.groups import Groups, read_groups
+from pipelines.results.markdown import write_page
+from pipelines.results.modes import modes_chapter
+from pipelines.results.overview import Seconds, overview_chapter
+from pipelines.results.parts import Part
+from pipelines.results.ratios import ratio_chapter
+from pipelines.results.rollouts import rollout_chapter, write_films
+from pipelines.results.training import training_chapter
+from pipelines.results.variants import variants_chapter
+from pipelines.workspace import Workspace
+
+FOLDER = "results"
+FILMS = "films"
+
+MODE_LATENTS = (3, 6, 12)
+"""Models whose space of modes is looked into, where they were trained."""
+
+
+def results(
+    name: str,
+    workspace: Workspace,
+    parts: Sequence[Part],
+    seconds: Seconds | None = None,
+    *,
+    films: bool = True,
+) -> Path:
+    """Write the results of a study; returns their page, ``reports/NAME/results/results.md``.
+
+    What is missing is said on the page and left out.
+
+    Args:
+        name: The study.
+        workspace: The home.
+        parts: Its configurations and what they made; the base first.
+        seconds: Times of stages, by part and stage.
+        films: Whether to draw a film of each replanner, which takes about ten seconds each.
+    """
+    base = parts[0]
+    folder = workspace.home.reports / name / FOLDER
+    partial = folder.with_name(f".{FOLDER}.partial")
+    shutil.rmtree(partial, ignore_errors=True)
+    groups = {
+        part.name: read_groups(workspace, part.evaluation_ids, reported(part.config))
+        for part in parts
+    }
+    with bar("Writing results", 1) as progress:
+        chapters = _chapters(workspace, parts, groups, seconds or {})
+        write_page(f"Results: {name}", _lead(workspace, name, parts), chapters, partial)
+        progress.advance(note=name)
+    if films and groups[base.name].every:
+        (partial / FILMS).mkdir(exist_ok=True)
+        robot = configuration_of(workspace, base.dataset_id).dataset.robot
+        write_films(workspace, groups[base.name], robot, partial / FILMS)
+    shutil.rmtree(folder, ignore_errors=True)
+    partial.rename(folder)
+    page = folder / "results.md"
+    say(f"results: {short(page)}")
+    return page
+
+
+def reported(config: Configuration) -> tuple[float, ...]:
+    """The w that tables report: the configuration's first."""
+    return config.evaluation.weights[0].values
+
+
+def _chapters(
+    workspace: Workspace,
+    parts: Sequence[Part],
+    groups: Mapping[str, Groups],
+    seconds: Seconds,
+) -> list[Chapter]:
+    base = parts[0]
+    mine, config = groups[base.name], base.config
+    models = {model_id: load(workspace, model_id) for model_id in base.model_ids}
+    chapters = [
+        claims_chapter(mine),
+        targets_chapter(mine),
+        overview_chapter(workspace, parts, groups, seconds),
+        data_chapter(workspace, parts),
+        training_chapter(models),
+        _modes(workspace, base, models),
+        comparison_chapter(workspace, mine, config.evaluation.criteria),
+        ratio_chapter(mine),
+        variants_chapter(parts, groups),
+    ]
+    if mine.every:
+        robot = configuration_of(workspace, base.dataset_id).dataset.robot
+        chapters.append(rollout_chapter(workspace, mine, robot))
+    return chapters
+
+
+def _modes(workspace: Workspace, base: Part, models: Mapping[str, TrainedModel]) -> Chapter:
+    """Fig. 2, of the first training seed of a few latent dimensions."""
+    chosen: dict[int, tuple[str, TrainedModel]] = {}
+    for model_id, model in models.items():
+        if model.latent >= 2:
+            chosen.setdefault(model.latent, (model_id, model))
+    some = [chosen[n] for n in sorted(chosen) if n in MODE_LATENTS] or list(chosen.values())[:1]
+    if not some:
+        text = "No model with two or more latent dimensions has been trained."
+        return Chapter("The space of modes", [Missing(text)])
+    data = learning_data(base.config, workspace, base.dataset_id, base.segments_version)
+    weights = TaskWeights.of(reported(base.config))
+    return modes_chapter(dict(some), data, weights)
+
+
+def _lead(workspace: Workspace, name: str, parts: Sequence[Part]) -> list[str]:
+    return [
+        f"Written by `{command(workspace)} results {name}` from what the lake holds; nothing here "
+        "was entered by hand. Intervals are 95 %. Every number stands in full precision, with "
+        "the evaluations, models or data sets that it was read from, in `numbers.json`; figures "
+        "are in `figures/` as PDF too, and films in `films/`.",
+        *(
+            [f"The study has {len(parts)} configurations: {', '.join(p.name for p in parts)}."]
+            if len(parts) > 1
+            else []
+        ),
+    ]

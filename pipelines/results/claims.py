@@ -1,0 +1,297 @@
+"""The paper's claims and the study's targets, each beside what was measured.
+
+Every verdict follows from numbers by a rule that is stated: nothing here knows the outcome.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lmtr.rollout.comparison import Ratio, ratio
+from pipelines.results.blocks import Chapter, Measure, Row, Table
+from pipelines.results.groups import Group, Groups
+from pipelines.results.measures import MEASURES
+from pipelines.results.ratios import BEST, PLAIN, Pair, pairs
+
+NOT_EVALUATED = "not evaluated"
+
+PLATEAU = (6, 12)
+"""Latent dimensions between which the paper sees a plateau."""
+
+FLAT = 0.8
+"""Avoidance counts as flat from one n to another if the close share keeps this much of itself."""
+
+LOOSE = 0.10
+"""The target for the best LMTR holds below this share of close steps of the library."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What was measured of a claim or target.
+
+    Attributes:
+        ours: The measured values in words.
+        found: The number that decides, with its interval; None where nothing was measured.
+        verdict: Whether it holds.
+        ids: Evaluations behind it.
+    """
+
+    ours: str
+    found: Measure | None
+    verdict: str
+    ids: Sequence[str] = ()
+
+
+MISSING = Answer("–", None, NOT_EVALUATED)
+
+
+def claims_chapter(groups: Groups) -> Chapter:
+    """The paper's claims, answered."""
+    rows = [
+        Row([claim, paper, a.ours, a.found, a.verdict], a.ids)
+        for claim, paper, answer in _CLAIMS
+        for a in answer(groups)
+    ]
+    table = Table(
+        "claims",
+        "The paper's claims. A ratio has its 95 % interval by paired bootstrap over courses and "
+        "training seeds. A claim about a ratio holds if the whole interval does, and its "
+        "interval is named where only the value does. The plateau holds where "
+        f"the close share at n = {PLATEAU[1]} keeps at least {FLAT:g} of that at n = {PLATEAU[0]}.",
+        ["claim", "paper", "ours", "ratio (×)", "verdict"],
+        rows,
+    )
+    return Chapter("The paper's claims", [table])
+
+
+def targets_chapter(groups: Groups) -> Chapter:
+    """The study's targets with what was measured."""
+    rows = [
+        Row([name, target, a.ours, a.found, a.verdict], a.ids)
+        for name, target, answer in _TARGETS
+        for a in answer(groups)
+    ]
+    table = Table(
+        "targets",
+        "Targets of the study. Along a front the least ratio of all levels is named.",
+        ["figure", "target", "ours", "measured", "verdict"],
+        rows,
+    )
+    return Chapter("Targets", [table])
+
+
+def at_least(found: Measure | Ratio, least: float) -> str:
+    """Whether a ratio reaches a value, with its interval or by itself."""
+    if not found.value >= least:
+        return "no"
+    if found.low is not None and found.low >= least:
+        return "yes"
+    return "value yes, interval no"
+
+
+def at_most(found: Measure, most: float) -> str:
+    """Whether a number stays below a value, with its interval or by itself."""
+    if not found.value <= most:
+        return "no"
+    if found.high is None or found.high <= most:
+        return "yes"
+    return "value yes, interval no"
+
+
+def _against(
+    a: Group | None, b: Group | None, rate: str, verdict: Callable[[Ratio], str]
+) -> list[Answer]:
+    """A rate of one group over that of another."""
+    if a is None or b is None or a.tallies.shape[1] != b.tallies.shape[1]:
+        return [MISSING]
+    measured, found = MEASURES[rate], ratio(a.tallies, b.tallies, rate)
+    ours = " / ".join(f"{g.name} {measured.measure(g)} {measured.unit}" for g in (a, b))
+    return [Answer(ours, Measure.of(found), verdict(found), [*a.ids, *b.ids])]
+
+
+def _best_plain(groups: Groups) -> Group | None:
+    """The plain LMTR with the fewest close steps at the reported w."""
+    plain = [g for g in groups.shown if g.latent and g.policy == "nearest"]
+    return min(plain, key=lambda g: g.tallies.rate("close_share"), default=None)
+
+
+def _unimodal(groups: Groups) -> list[Answer]:
+    return _against(
+        groups.get(0), _best_plain(groups), "close_share", lambda found: at_least(found, 1.0)
+    )
+
+
+def _plateau(groups: Groups) -> list[Answer]:
+    early, late = PLATEAU
+
+    def flat(found: Ratio) -> str:
+        if found.value >= FLAT:
+            return "yes" if found.low >= FLAT else "value yes, interval no"
+        return "no"
+
+    return _against(groups.get(late), groups.get(early), "close_share", flat)
+
+
+def _matches(groups: Groups) -> list[Answer]:
+    def no_worse(found: Ratio) -> str:
+        if found.high <= 1.0:
+            return "yes, and fewer"
+        return "yes, not told apart" if found.low <= 1.0 else "no"
+
+    return _against(_best_plain(groups), groups.get(None), "close_share", no_worse)
+
+
+def _milder(groups: Groups) -> list[Answer]:
+    return [
+        _least(pair, rate, 5.0) for pair in pairs(groups) if pair.kind == PLAIN for rate in _RATES
+    ] or [MISSING]
+
+
+_RATES = ("mean_violation", "large_violation_share")
+
+
+def _least(pair: Pair, rate: str, target: float, below: float = 1.0) -> Answer:
+    """The least ratio along a front."""
+    levels = [
+        at for at in pair.levels[rate] if at.close_share <= below and not np.isnan(at.ratio.value)
+    ]
+    if not levels:
+        return Answer(f"{pair.name}, {MEASURES[rate].name}: no common level", None, NOT_EVALUATED)
+    worst = min(levels, key=lambda at: at.ratio.value)
+    shares = [100.0 * at.close_share for at in levels]
+    verdicts = [at_least(at.ratio, target) for at in levels]
+    verdict = (
+        "yes"
+        if all(v == "yes" for v in verdicts)
+        else "no"
+        if all(v == "no" for v in verdicts)
+        else f"at {sum(v != 'no' for v in verdicts)} of {len(verdicts)} levels"
+    )
+    ours = (
+        f"{pair.name}, {MEASURES[rate].name}: least of {len(levels)} levels from {min(shares):.1f} "
+        f"to {max(shares):.1f} % close footholds"
+    )
+    return Answer(ours, Measure.of(worst.ratio), verdict, pair.ids)
+
+
+def _memory(groups: Groups) -> list[Answer]:
+    """Memory and time of a plan."""
+    found = []
+    for group, most in ((_best_plain(groups), 10.0), (groups.get(None), 60.0)):
+        if group is None:
+            found.append(MISSING)
+            continue
+        size, plan = 1e-6 * group.summary("nbytes"), 1e3 * group.summary("plan_seconds")
+        ours = f"{group.name}: {size:.1f} MB, {plan:.4f} ms per plan in a batch"
+        verdict = "no larger" if size <= most else "larger"
+        found.append(Answer(ours, None, verdict, group.ids))
+    return found
+
+
+def _best_at_loose(groups: Groups) -> list[Answer]:
+    best = [pair for pair in pairs(groups) if pair.kind == BEST]
+    return [_least(pair, rate, 10.0, LOOSE) for pair in best for rate in _RATES] or [MISSING]
+
+
+def _both_selecting(groups: Groups) -> list[Answer]:
+    library = groups.get(None, "selected")
+    found = [
+        answer
+        for n in groups.latents
+        if n
+        for rate in ("close_share", *_RATES)
+        for answer in _against(library, groups.get(n, "selected"), rate, lambda _: "reported")
+        if answer is not MISSING
+    ]
+    return found or [MISSING]
+
+
+def _jumps(groups: Groups) -> list[Answer]:
+    return [
+        answer
+        for rate in ("mean_velocity_jump", "mean_foot_jump")
+        for answer in _against(
+            groups.get(None), _best_plain(groups), rate, lambda found: at_least(found, 5.0)
+        )
+    ]
+
+
+def _progress(groups: Groups) -> list[Answer]:
+    kinds: list[int | None] = [n for n in groups.latents if n]
+    found = [
+        answer
+        for latent in (*kinds, None)
+        for answer in _against(
+            groups.get(latent, "selected"),
+            groups.get(latent),
+            "distance",
+            lambda found: at_least(found, 0.97),
+        )
+        if answer is not MISSING
+    ]
+    return found or [MISSING]
+
+
+def _safest(groups: Groups) -> list[Answer]:
+    models = [g for g in groups.every if g.latent]
+    if not models:
+        return [MISSING]
+    best = min(models, key=lambda g: (g.falls > 0, g.tallies.rate("close_share")))
+    share = MEASURES["close_share"].measure(best)
+    verdict = at_most(share, 1.0) if best.falls == 0 else "no"
+    ours = f"{best.name}, w = {best.in_words}: {best.falls} of {best.rollouts} rollouts diverged"
+    return [Answer(ours, share, verdict, best.ids)]
+
+
+def _artifact(groups: Groups) -> list[Answer]:
+    models = [g for g in groups.shown if g.latent and g.policy in ("nearest", "selected")]
+    sizes = [(1e-6 * g.summary("nbytes"), g) for g in models]
+    sizes = [each for each in sizes if np.isfinite(each[0])]
+    if not sizes:
+        return [MISSING]
+    size, group = max(sizes, key=lambda each: each[0])
+    verdict = at_most(Measure(size), 10.0)
+    return [Answer(f"largest: {group.name}", Measure(size), verdict, group.ids)]
+
+
+def _elsewhere(_: Groups) -> Iterator[Answer]:
+    yield Answer("measured by hand: `benchmarks/`", None, "see docs/benchmarks.md")
+
+
+Answering = Callable[[Groups], Sequence[Answer] | Iterator[Answer]]
+
+_CLAIMS: tuple[tuple[str, str, Answering], ...] = (
+    (
+        "The unimodal regressor steps close to obstacles (close share over that of LMTR)",
+        "commonly very close (Fig. 4 a)",
+        _unimodal,
+    ),
+    (
+        "Avoidance plateaus at 6 to 12 latent dimensions (close share at 12 over that at 6)",
+        "plateau",
+        _plateau,
+    ),
+    (
+        "LMTR matches the library on obstacles (close share over that of the library)",
+        "roughly the same",
+        _matches,
+    ),
+    (
+        "LMTR's kinematic violation is milder at equal avoidance (library over LMTR)",
+        "about 5×",
+        _milder,
+    ),
+    ("Look-up and regression are small and quick", "LMTR 10 MB, library 60 MB; 3 ms", _memory),
+)
+
+_TARGETS: tuple[tuple[str, str, Answering], ...] = (
+    ("violation at equal avoidance, plain against plain", "≥ 5×", _milder),
+    ("the same, best LMTR, below 10 % close steps", "≥ 10×", _best_at_loose),
+    ("against the library with the same selection", "whatever is true", _both_selecting),
+    ("jumps at replanning, library over LMTR", "≥ 5×", _jumps),
+    ("distance, selecting over plain", "≥ 0.97", _progress),
+    ("close footholds (%), best LMTR, none diverged", "≤ 1 %", _safest),
+    ("memory that planning needs (MB)", "≤ 10", _artifact),
+    ("time of one plan, of 100 rollouts, of one training", "see docs/benchmarks.md", _elsewhere),
+)
