@@ -8,8 +8,9 @@ from lmtr.figures.sweep import Reference, SweepPanel, SweepSeries, sweep_figure
 from lmtr.figures.trade_off import TradeOff, trade_off_figure
 from lmtr.rollout.settings import Criteria
 from pipelines.results.blocks import Block, Chapter, Illustration, Measure, Missing, Row, Table
-from pipelines.results.groups import EXPERT, Group, Groups, pooled
+from pipelines.results.groups import Group, Groups, pooled
 from pipelines.results.measures import MEASURES, Measured
+from pipelines.trials import EXPERT
 from pipelines.workspace import Workspace
 
 HIGHLIGHTED = (0, 3, 6, 12)

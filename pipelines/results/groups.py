@@ -9,7 +9,7 @@ import numpy as np
 
 from lmtr.arrays import Array
 from lmtr.errors import DataError
-from lmtr.figures.replanner_styles import replanner_style
+from lmtr.figures.replanner_styles import expert_style, replanner_style
 from lmtr.figures.style import SeriesStyle
 from lmtr.policies.distance import TaskWeights
 from lmtr.rollout.comparison import Tallies
@@ -17,11 +17,9 @@ from lmtr.rollout.summary import CONFIDENCE, RESAMPLES, Estimate
 from lmtr.rollout.tally import RATES
 from lmtr.streams import Purpose, stream
 from pipelines.records import Row
-from pipelines.trials import in_words
+from pipelines.tallies import tallies_of
+from pipelines.trials import EXPERT, in_words
 from pipelines.workspace import Workspace
-
-EXPERT = "expert"
-"""Policy of the expert's own walks over the courses."""
 
 Key = tuple[int | None, str, tuple[float, ...]]
 """Latent dimension (None: the library's or the expert's), policy and w."""
@@ -58,6 +56,8 @@ class Group:
     @property
     def style(self) -> SeriesStyle:
         """Its look in all figures."""
+        if self.policy == EXPERT:
+            return expert_style()
         return replanner_style(self.latent, self.policy)
 
     @property
@@ -163,45 +163,26 @@ def read_groups(workspace: Workspace, ids: Sequence[str], reported: tuple[float,
         return Groups([], reported, ["Nothing has been evaluated yet; run `lmtr evaluate`."])
     where = f"evaluation_id IN ({', '.join(repr(each) for each in ids)})"
     rows = workspace.lake.read("evaluations", where=where).to_pylist()
-    sums = _sums(workspace, where)
     found: dict[Key, list[Row]] = defaultdict(list)
-    old = []
+    old = [row["evaluation_id"] for row in rows if row["policy"] is None]
     for row in rows:
-        if row["policy"] is None or row["evaluation_id"] not in sums:
-            old.append(row["evaluation_id"])
-        else:
+        if row["policy"] is not None:
             found[row["latent"], row["policy"], tuple(row["weights"])].append(row)
     missing = []
     if old:
         missing.append(
-            f"{len(old)} evaluations were made before sums of rollouts were kept and are left out: "
-            f"{', '.join(sorted(old))}."
+            f"{len(old)} evaluations are of an older LMTR and left out: {', '.join(sorted(old))}."
         )
     groups = []
     for (latent, policy, weights), members in found.items():
         members.sort(key=lambda row: (row["training_seed"] or 0, row["evaluation_id"]))
         try:
-            tallies = Tallies.stacked([sums[row["evaluation_id"]] for row in members])
+            tallies = tallies_of(workspace.lake, [row["evaluation_id"] for row in members])
         except DataError as error:
-            missing.append(f"Latent dimension {latent}, policy {policy}: {error}.")
+            missing.append(f"{error}.")
             continue
         groups.append(Group(latent, policy, weights, members, tallies))
     return Groups(sorted(groups, key=_order), reported, missing)
-
-
-def _sums(workspace: Workspace, where: str) -> dict[str, list[dict[str, float]]]:
-    """Sums of every rollout by evaluation, in the order of the courses."""
-    table = workspace.lake.read(
-        "rollouts", ["evaluation_id", "index", "metrics"], where=where, order_by="index"
-    ).to_pylist()
-    found: dict[str, list[dict[str, float]]] = defaultdict(list)
-    without = set()
-    for row in table:
-        if row["metrics"] is None:
-            without.add(row["evaluation_id"])
-        else:
-            found[row["evaluation_id"]].append(dict(row["metrics"]))
-    return {key: rows for key, rows in found.items() if key not in without}
 
 
 def pooled(workspace: Workspace, group: Group, column: str) -> list[Array]:

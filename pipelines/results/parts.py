@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from lmtr.errors import LmtrError
 from pipelines.config import Configuration
+from pipelines.expert_courses import expert_id
 from pipelines.learning_data import LearningData, learning_data
 from pipelines.registry import is_trained, models
 from pipelines.study import Study
@@ -53,7 +54,8 @@ class Part:
         evaluation_ids: Sequence[str],
         missing: Sequence[str] = (),
     ) -> "Part":
-        """A part whose data have been read."""
+        """A part whose data have been read; the expert's evaluation is added if it is asked for."""
+        section = config.evaluation
         return cls(
             name,
             config,
@@ -63,7 +65,7 @@ class Part:
             len(data.training.x),
             len(data.validation.x),
             list(model_ids),
-            list(evaluation_ids),
+            [*evaluation_ids, *([expert_id(section, data)] if section.expert_courses else [])],
             list(missing),
         )
 
