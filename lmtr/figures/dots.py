@@ -134,11 +134,11 @@ def _draw_panel(
                 label=None if named else name,
             )
             named = True
-    values = [dot.value for dot in panel.dots.values()]
+    values = [dot.value for dot in panel.dots.values() if np.isfinite(dot.value)]
     ends = [dot.interval[0] for dot in panel.dots.values() if dot.interval is not None]
-    if panel.log and min([*values, *ends]) > 0.0:
+    if panel.log and min([*values, *ends], default=0.0) > 0.0:
         log_axis(axes, "x")
-    elif min(values) >= 0.0:
+    elif min(values, default=0.0) >= 0.0:
         axes.set_xlim(left=0.0)
     axes.grid(visible=False, axis="y")
     axes.set_xlabel(panel.label)

@@ -85,6 +85,7 @@ _RC = {
     # Text stays text in vector files, so that a journal can set and search it.
     "pdf.fonttype": 42,
     "svg.fonttype": "none",
+    "svg.hashsalt": "lmtr",
 }
 
 
@@ -147,10 +148,10 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
 def save(figure: Figure, path: Path, resolution: int = RESOLUTION) -> Path:
     """Write a figure at its own size and ``resolution`` pixels per inch; returns the path.
 
-    The ending of ``path`` names its kind, .png, .pdf or .svg; a PDF does not say when it was made,
-    so that the same figure is the same file.
+    The ending of ``path`` names its kind, .png, .pdf or .svg. None says when it was made, so that
+    the same figure is the same file.
     """
-    undated = {"CreationDate": None} if path.suffix == ".pdf" else None
+    undated = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}.get(path.suffix)
     with matplotlib.rc_context(_RC):
         figure.savefig(path, dpi=resolution, metadata=undated)
     return path

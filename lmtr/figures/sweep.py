@@ -74,6 +74,12 @@ class SweepPanel:
     log: bool = False
     target: float | None = None
 
+    @property
+    def drawn(self) -> bool:
+        """Whether there is anything finite to draw."""
+        every = [y for series in self.series for seeds in series.seeds.values() for y in seeds]
+        return bool(np.isfinite(every).any())
+
 
 @styled
 def sweep_figure(
@@ -133,9 +139,9 @@ def _draw_panel(axes: Axes, panel: SweepPanel, values: list[float], styles: Styl
         axes.axhline(panel.target, color="#444444", linestyle=(0, (2, 2)), lw=1.0, label="target")
     drawn = [y for s in panel.series for seeds in s.seeds.values() for y in seeds]
     drawn += [reference.value for reference in panel.references]
-    if not np.isfinite(drawn).any():
+    if not panel.drawn:
         raise DataError(f"sweep figure: panel {panel.title!r} has no finite value; leave it out")
-    if panel.log and min(drawn) > 0.0:
+    if panel.log and np.nanmin(drawn) > 0.0:
         log_axis(axes, "y")
     else:
         _, top = axes.get_ylim()

@@ -90,7 +90,8 @@ def trade_off_figure(
     if any(point.reported for point in every):
         (star,) = axes.plot([], [], "*", color=INK, markersize=11)
         axes.legend([star], ["w that is reported"], loc="lower right", bbox_to_anchor=(1.0, 1.0))
-    label_points(axes, [PointLabel(name, *end, styles[name].colour) for name, end in ends.items()])
+    named = {name: end for name, end in ends.items() if np.isfinite(end).all()}
+    label_points(axes, [PointLabel(name, *end, styles[name].colour) for name, end in named.items()])
     return figure
 
 

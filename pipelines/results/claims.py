@@ -15,6 +15,7 @@ from pipelines.results.measures import MEASURES
 from pipelines.results.ratios import BEST, PLAIN, Pair, pairs
 
 NOT_EVALUATED = "not evaluated"
+NOT_JUDGED = "nothing to judge"
 
 PLATEAU = (6, 12)
 """Latent dimensions between which the paper sees a plateau."""
@@ -107,13 +108,20 @@ def _against(
         return [MISSING]
     measured, found = MEASURES[rate], ratio(a.tallies, b.tallies, rate)
     ours = " / ".join(f"{g.name} {measured.measure(g)} {measured.unit}" for g in (a, b))
+    if np.isnan(found.value):
+        return [Answer(ours, None, NOT_JUDGED, [*a.ids, *b.ids])]
     return [Answer(ours, Measure.of(found), verdict(found), [*a.ids, *b.ids])]
 
 
 def _best_plain(groups: Groups) -> Group | None:
     """The plain LMTR with the fewest close steps at the reported w."""
     plain = [g for g in groups.shown if g.latent and g.policy == "nearest"]
-    return min(plain, key=lambda g: g.tallies.rate("close_share"), default=None)
+    order = {g.name: (not _crossed(g), g.tallies.rate("close_share")) for g in plain}
+    return min(plain, key=lambda g: order[g.name], default=None)
+
+
+def _crossed(group: Group) -> bool:
+    return bool(np.isfinite(group.tallies.rate("close_share")))
 
 
 def _unimodal(groups: Groups) -> list[Answer]:
@@ -161,18 +169,21 @@ def _least(pair: Pair, rate: str, target: float, below: float = 1.0) -> Answer:
     worst = min(levels, key=lambda at: at.ratio.value)
     shares = [100.0 * at.close_share for at in levels]
     verdicts = [at_least(at.ratio, target) for at in levels]
-    verdict = (
-        "yes"
-        if all(v == "yes" for v in verdicts)
-        else "no"
-        if all(v == "no" for v in verdicts)
-        else f"at {sum(v != 'no' for v in verdicts)} of {len(verdicts)} levels"
-    )
     ours = (
         f"{pair.name}, {MEASURES[rate].name}: least of {len(levels)} levels from {min(shares):.1f} "
         f"to {max(shares):.1f} % close footholds"
     )
-    return Answer(ours, Measure.of(worst.ratio), verdict, pair.ids)
+    return Answer(ours, Measure.of(worst.ratio), _along(verdicts), pair.ids)
+
+
+def _along(verdicts: Sequence[str]) -> str:
+    """One verdict of those of all levels."""
+    if len(set(verdicts)) == 1:
+        return verdicts[0]
+    reached = sum(verdict != "no" for verdict in verdicts)
+    if reached == len(verdicts):
+        return "values yes, not all intervals"
+    return f"at {reached} of {len(verdicts)} levels"
 
 
 def _memory(groups: Groups) -> list[Answer]:
@@ -234,7 +245,7 @@ def _progress(groups: Groups) -> list[Answer]:
 
 
 def _safest(groups: Groups) -> list[Answer]:
-    models = [g for g in groups.every if g.latent]
+    models = [g for g in groups.every if g.latent and _crossed(g)]
     if not models:
         return [MISSING]
     best = min(models, key=lambda g: (g.falls > 0, g.tallies.rate("close_share")))

@@ -16,6 +16,13 @@ from pipelines.workspace import Workspace
 HIGHLIGHTED = (0, 3, 6, 12)
 """Latent dimensions that the distributions tell apart, where they were evaluated."""
 
+DISTRIBUTIONS = (
+    "Fig. 4 a, b. (a) Closest foothold of each foot to each line that was crossed; within the "
+    "shaded {close:g} cm it counts as close. (b) How far contacting feet leave the ±{limit:g} m "
+    "forward range of motion, on a logarithmic axis; the area under a curve is the share of "
+    "samples with any violation. Bands: 95 % intervals by bootstrap over rollouts."
+)
+
 FRONT_MEASURES = ("close_share", "mean_violation", "large_violation_share", "distance")
 """Columns of the table of fronts."""
 
@@ -34,7 +41,7 @@ def comparison_chapter(workspace: Workspace, groups: Groups, criteria: Criteria)
     if groups.every:
         blocks += [
             replanner_table(groups),
-            distributions(workspace, groups, criteria),
+            *distributions(workspace, groups, criteria),
             *fronts(groups),
             *over_latent(groups),
             *over_policies(groups),
@@ -78,7 +85,7 @@ def replanner_table(groups: Groups) -> Table:
     )
 
 
-def distributions(workspace: Workspace, groups: Groups, criteria: Criteria) -> Illustration:
+def distributions(workspace: Workspace, groups: Groups, criteria: Criteria) -> list[Block]:
     """Fig. 4 a and b at the reported w."""
     plain = [g for g in groups.shown if g.policy in ("nearest", EXPERT)]
     chosen = [g for g in groups.shown if g.policy == "selected" and g.latent in (None, 6)]
@@ -88,23 +95,23 @@ def distributions(workspace: Workspace, groups: Groups, criteria: Criteria) -> I
     judged = [
         name for name in drawn if sum(map(len, distances[name])) and sum(map(len, violations[name]))
     ]
+    if not judged:
+        return [Missing("No replanner has crossed a line yet, so there are no distances.")]
     some = [name for name in judged if drawn[name].latent in (None, *HIGHLIGHTED)]
-    return Illustration(
-        "distributions",
-        distribution_figure(
-            {name: distances[name] for name in judged},
-            {name: violations[name] for name in judged},
-            close=criteria.clearance,
-            severe=criteria.large_violation,
-            styles={name: drawn[name].style for name in judged},
-            highlighted=some if len(judged) > len(some) > 1 else None,
-        ),
-        "Fig. 4 a, b. (a) Closest foothold of each foot to each line that was crossed; within the "
-        f"shaded {100 * criteria.clearance:g} cm it counts as close. (b) How far contacting feet "
-        f"leave the ±{criteria.forward_limit:g} m forward range of motion, on a logarithmic "
-        "axis; the area under a curve is the share of samples with any violation. Bands: 95 % "
-        "intervals by bootstrap over rollouts.",
-    )
+    return [
+        Illustration(
+            "distributions",
+            distribution_figure(
+                {name: distances[name] for name in judged},
+                {name: violations[name] for name in judged},
+                close=criteria.clearance,
+                severe=criteria.large_violation,
+                styles={name: drawn[name].style for name in judged},
+                highlighted=some if len(judged) > len(some) > 1 else None,
+            ),
+            DISTRIBUTIONS.format(close=100 * criteria.clearance, limit=criteria.forward_limit),
+        )
+    ]
 
 
 def fronts(groups: Groups) -> list[Block]:
@@ -189,7 +196,8 @@ def over_latent(groups: Groups) -> list[Block]:
     latents = [n for n in groups.latents if groups.get(n) is not None]
     if len(latents) < 2:
         return [Missing("Fewer than two latent dimensions were evaluated: nothing to see over n.")]
-    panels, styles = [], {}
+    panels: list[SweepPanel] = []
+    styles = {}
     names = ("close_share", "mean_violation", "large_violation_share", "distance")
     for measured in (MEASURES[name] for name in (*names, "mean_velocity_jump", "mean_foot_jump")):
         series = []
@@ -215,6 +223,9 @@ def over_latent(groups: Groups) -> list[Block]:
                 styles[library.name] = library.style
                 references.append(Reference(library.name, found.value, _ends(found)))
         panels.append(SweepPanel(measured.title, measured.label, series, references))
+    panels = [panel for panel in panels if panel.drawn]
+    if not panels:
+        return [Missing("No measure of the rollouts has a value over n.")]
     return [
         Illustration(
             "latent",

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -54,6 +54,7 @@ class Pair:
 
 def pairs(groups: Groups) -> list[Pair]:
     """All comparisons along the front that the evaluations allow."""
+    groups = replace(groups, every=[g for g in groups.every if _judged(g)])
     library = _alike(groups.front(None))
     if not library:
         return []
@@ -188,6 +189,11 @@ def _selected(library: Group, mine: Group) -> Pair:
     style = SeriesStyle(LIBRARY_COLOUR, "D", (0, (5, 1.6)))
     name = f"LMTR-{mine.latent}, both selecting (not at equal avoidance)"
     return Pair(SELECTED, name, mine.latent, levels, [*library.ids, *mine.ids], style)
+
+
+def _judged(group: Group) -> bool:
+    """Whether its rollouts crossed any line."""
+    return bool(np.isfinite(group.tallies.rate("close_share")))
 
 
 def _alike(front: Sequence[Group]) -> list[Group]:

@@ -119,7 +119,7 @@ def _over_latent(models: Sequence[TrainedModel]) -> list[Block]:
     panels = [
         SweepPanel(name[0].upper() + name[1:], f"{name} ({unit})", [SweepSeries("LMTR-n", seeds)])
         for key, name, unit in QUANTITIES
-        if (seeds := found.get(key))
+        if (seeds := found.get(key))  # only finite values are in it
     ]
     if not panels:
         return [Missing("No model of this study was validated, so there is no reconstruction.")]

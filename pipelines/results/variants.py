@@ -132,6 +132,9 @@ def _sweep(
         )
         for rate in SHOWN
     ]
+    panels = [panel for panel in panels if panel.drawn]
+    if not panels:
+        return []
     styles = {label: next(iter(m.values())).style for label, m in swept.items()}
     styles |= {label: g.style for label, g in references.items()}
     return [
