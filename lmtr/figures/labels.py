@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.patheffects import withStroke
-from matplotlib.text import Text
+from matplotlib.text import Annotation, Text
 from matplotlib.transforms import Bbox
 
 from lmtr.arrays import Array
@@ -47,6 +47,8 @@ class PointLabel:
 def label_points(axes: Axes, labels: Sequence[PointLabel], size: float = 9.0) -> list[Text]:
     """Write each label where it covers least of what is drawn, of other labels and of the frame.
 
+    A thin line leads from it to its point.
+
     Call it when everything is drawn and the limits are final.
     """
     figure = axes.figure
@@ -65,27 +67,35 @@ def label_points(axes: Axes, labels: Sequence[PointLabel], size: float = 9.0) ->
             color=label.colour,
             path_effects=_HALO,
             zorder=6.0,
+            arrowprops={"arrowstyle": "-", "color": label.colour, "lw": 0.6, "shrinkB": 3.0},
         )
         best, least = (0.0, 0.0), np.inf
         places = [(distance, angle) for distance in DISTANCES for angle in DIRECTIONS]
         for number, (distance, angle) in enumerate(places):
             _place(text, distance, angle)
-            box = text.get_window_extent(canvas.get_renderer())
+            box = _box(text, canvas)
             cost = FAR * number + _covered(box, drawn) + _clashes(box, taken, frame)
             if cost < least:
                 best, least = (distance, angle), cost
         _place(text, *best)
-        taken.append(text.get_window_extent(canvas.get_renderer()))
+        taken.append(_box(text, canvas))
         texts.append(text)
     return texts
 
 
-def _place(text: Text, distance: float, angle: float) -> None:
+def _place(text: Annotation, distance: float, angle: float) -> None:
     """Move an annotation to a distance (pt) and direction (deg) from its point."""
     across, up = np.cos(np.radians(angle)), np.sin(np.radians(angle))
     text.set_position((distance * across, distance * up))
     text.set_horizontalalignment("left" if across > 0.1 else "right" if across < -0.1 else "center")
     text.set_verticalalignment("bottom" if up > 0.1 else "top" if up < -0.1 else "center")
+
+
+def _box(text: Annotation, canvas: FigureCanvasAgg) -> Bbox:
+    """The rectangle of a label without its line."""
+    renderer = canvas.get_renderer()
+    text.update_positions(renderer)
+    return Text.get_window_extent(text, renderer)
 
 
 def _drawn(axes: Axes) -> Array:

@@ -20,7 +20,7 @@ COLUMNS = 3
 BESIDE = 0.07
 """Seeds are drawn so far to the right of their mean, in units of the spacing of values."""
 
-SPARSE = 1.6
+SPARSE = 2.3
 """A logarithmic axis that spans less than so many decades is given labels between its decades."""
 
 

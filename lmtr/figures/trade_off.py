@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullLocator
 
 from lmtr.errors import DataError
 from lmtr.figures.labels import PointLabel, label_points
@@ -77,16 +78,7 @@ def trade_off_figure(
     _scale(axes, every)
     axes.set_xlabel("close footholds (% of obstacle–foot pairs)")
     axes.set_ylabel(violation_label)
-    axes.set_title("Avoidance against kinematics")
-    axes.annotate(
-        "better",
-        xy=(0.012, 0.016),
-        xytext=(0.075, 0.075),
-        xycoords="axes fraction",
-        arrowprops={"arrowstyle": "->", "color": "#888888"},
-        color="#666666",
-        fontsize=9,
-    )
+    axes.set_title("Avoidance against kinematics: better towards the lower left")
     if any(point.reported for point in every):
         (star,) = axes.plot([], [], "*", color=INK, markersize=11)
         axes.legend([star], ["w that is reported"], loc="lower right", bbox_to_anchor=(1.0, 1.0))
@@ -166,13 +158,22 @@ def _draw_intervals(axes: Axes, point: TradeOff, style: SeriesStyle) -> None:
 
 
 def _scale(axes: Axes, points: Sequence[TradeOff]) -> None:
-    """Limits, and a logarithmic vertical axis where violations differ by much."""
+    """Limits, and a logarithmic vertical axis where violations differ by much.
+
+    Below the least violation that is not zero it is linear, so that zero has a place too.
+    """
     violations = np.array([point.violation for point in points])
-    violations = violations[np.isfinite(violations)]
+    some = violations[np.isfinite(violations) & (violations > 0.0)]
     axes.margins(0.06)
-    if len(violations) and violations.min() > 0.0 and violations.max() > WIDE * violations.min():
-        axes.set_ylim(0.6 * violations.min(), 1.5 * violations.max())
+    axes.set_ylim(bottom=0.0)
+    if len(some) and some.max() > WIDE * some.min():
+        axes.set_ylim(0.6 * some.min(), 1.5 * some.max())
         log_axis(axes, "y")
-    else:
-        axes.set_ylim(bottom=0.0)
+        if (violations == 0.0).any():
+            ticks = axes.get_yticks()
+            axes.set_yscale("symlog", linthresh=float(some.min()), linscale=0.4)
+            axes.yaxis.set_minor_locator(NullLocator())
+            shown = [0.0, *(tick for tick in ticks if tick >= some.min())]
+            axes.set_yticks(shown, [f"{tick:g}" for tick in shown])
+            axes.set_ylim(-0.08 * some.min(), 1.5 * some.max())
     axes.set_xlim(left=0.0)

@@ -12,7 +12,7 @@ from pipelines.invocation import command, short
 from pipelines.learning_data import learning_data
 from pipelines.progress import bar, say
 from pipelines.registry import load
-from pipelines.results.blocks import Chapter, Missing
+from pipelines.results.blocks import Block, Chapter, Missing, Paragraph
 from pipelines.results.claims import claims_chapter, targets_chapter
 from pipelines.results.comparison import comparison_chapter
 from pipelines.results.data import data_chapter
@@ -56,19 +56,16 @@ def results(
     base = parts[0]
     folder = workspace.home.reports / name / FOLDER
     partial = folder.with_name(f".{FOLDER}.partial")
-    shutil.rmtree(partial, ignore_errors=True)
     groups = {
         part.name: read_groups(workspace, part.evaluation_ids, reported(part.config))
         for part in parts
     }
+    shutil.rmtree(partial, ignore_errors=True)
+    filmed = _films(workspace, base, groups[base.name], partial) if films else []
     with bar("Writing results", 1) as progress:
-        chapters = _chapters(workspace, parts, groups, seconds or {})
+        chapters = [*_chapters(workspace, parts, groups, seconds or {}), Chapter("Films", filmed)]
         write_page(f"Results: {name}", _lead(workspace, name, parts), chapters, partial)
         progress.advance(note=name)
-    if films and groups[base.name].every:
-        (partial / FILMS).mkdir(exist_ok=True)
-        robot = configuration_of(workspace, base.dataset_id).dataset.robot
-        write_films(workspace, groups[base.name], robot, partial / FILMS)
     shutil.rmtree(folder, ignore_errors=True)
     partial.rename(folder)
     page = folder / "results.md"
@@ -105,6 +102,16 @@ def _chapters(
         robot = configuration_of(workspace, base.dataset_id).dataset.robot
         chapters.append(rollout_chapter(workspace, mine, robot))
     return chapters
+
+
+def _films(workspace: Workspace, base: Part, groups: Groups, folder: Path) -> list[Block]:
+    """Draw the films, and show them."""
+    if not groups.every:
+        return []
+    (folder / FILMS).mkdir(parents=True)
+    robot = configuration_of(workspace, base.dataset_id).dataset.robot
+    paths = write_films(workspace, groups, robot, folder / FILMS)
+    return [Paragraph(f"![{path.stem}]({FILMS}/{path.name})") for path in paths]
 
 
 def _modes(workspace: Workspace, base: Part, models: Mapping[str, TrainedModel]) -> Chapter:

@@ -75,7 +75,8 @@ def targets_chapter(groups: Groups) -> Chapter:
     ]
     table = Table(
         "targets",
-        "Targets of the study. Along a front the least ratio of all levels is named.",
+        "Targets of the study. Along a front the least ratio of all levels is named. Where one "
+        "plain LMTR stands for all, it is that with the fewest close footholds at the reported w.",
         ["figure", "target", "ours", "measured", "verdict"],
         rows,
     )

@@ -124,7 +124,7 @@ def fronts(groups: Groups) -> list[Block]:
     shown = {
         kind: members
         for kind, members in series.items()
-        if kind in several or kind[1] in ("selected", EXPERT) or kind[0] == 0
+        if kind in several or kind[1] == "selected" or kind[0] == 0
     }
     kept = {members[0].name: members for kind, members in shown.items() if _in_front_figure(kind)}
     styles = {name: members[0].style for name, members in kept.items()}
@@ -172,9 +172,9 @@ def fronts(groups: Groups) -> list[Block]:
 
 
 def _in_front_figure(kind: tuple[int | None, str]) -> bool:
-    """Few enough to be told apart: highlighted dimensions, library, expert; nearest or selected."""
+    """Few enough to be told apart: some dimensions and the library, by policies that look up."""
     latent, policy = kind
-    return policy in ("nearest", "selected", EXPERT) and (
+    return policy in ("nearest", "selected") and (
         latent is None or latent in HIGHLIGHTED or latent == 16
     )
 

@@ -214,6 +214,16 @@ def test_violations_that_differ_by_much_are_on_a_logarithmic_axis():
     assert scale(2.0) == "log"
 
 
+def test_no_violation_at_all_has_its_place_on_a_logarithmic_axis():
+    points = {"a": [TradeOff(0.1, 0.0), TradeOff(0.05, 3.0)], "b": [TradeOff(0.2, 0.1)]}
+    (axes,) = trade_off_figure(points).axes
+    low, _ = axes.get_ylim()
+    assert low < 0.0
+    assert axes.get_yticks()[0] == 0.0
+    below, least, most = axes.transData.transform([(0.0, 0.0), (0.0, 0.1), (0.0, 3.0)])[:, 1]
+    assert below < least < most
+
+
 def test_modes_are_shown_along_the_dimensions_in_use():
     modes = RNG.normal(size=(60, 5)) * [0.1, 1.0, 0.01, 2.0, 0.02]
     stride = Colouring("stride (m)", modes[:, 1])

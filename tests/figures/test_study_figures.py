@@ -5,6 +5,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from lmtr.errors import DataError
 from lmtr.figures.dots import Dot, DotPanel, dot_figure
@@ -117,7 +118,7 @@ def test_labels_cover_neither_each_other_nor_the_points():
         axes, [PointLabel(f"LMTR-{k}", *at, "black") for k, at in enumerate(zip(x, y, strict=True))]
     )
     renderer = FigureCanvasAgg(axes.figure).get_renderer()
-    boxes = [text.get_window_extent(renderer) for text in texts]
+    boxes = [Text.get_window_extent(text, renderer) for text in texts]
     for k, box in enumerate(boxes):
         assert not any(box.overlaps(other) for other in boxes[k + 1 :])
         places = axes.transData.transform(np.stack([x, y], axis=-1))
