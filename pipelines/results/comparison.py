@@ -54,7 +54,7 @@ def replanner_table(groups: Groups) -> Table:
     return Table(
         "replanners",
         "Every replanner and policy at the w that is reported, with 95 % intervals by bootstrap "
-        "over courses and training seeds (of falls: exact binomial). Plan: median time per plan "
+        "over courses and training seeds. Plan: median time per plan "
         "when all courses are planned at once.",
         [
             "replanner",
