@@ -123,6 +123,8 @@ def _draw(axes: Axes, curve: Curve, name: str, style: SeriesStyle) -> None:
         # An interval without an upper end leaves the axes.
         top = np.where(np.isfinite(high), high, BEYOND)
         axes.fill_between(x[known], low[known], top[known], color=style.colour, alpha=0.16, lw=0)
+        # A band has no width where a level stands alone.
+        axes.vlines(x[known], low[known], top[known], color=style.colour, alpha=0.45, lw=1.0)
 
 
 def _limit(
