@@ -12,6 +12,7 @@ from pipelines.invocation import command, short
 from pipelines.learning_data import LearningData, learning_data
 from pipelines.progress import say
 from pipelines.report import report
+from pipelines.results import Part, results
 from pipelines.segment import segment
 from pipelines.stage_times import StageTimes
 from pipelines.study import BASE, Study
@@ -42,6 +43,9 @@ class Made:
 def run(study: Study, workspace: Workspace) -> Path:
     """Generate, segment, train, evaluate, report; returns the report's page.
 
+    A study, that is a configuration with variants or a search for weights, gets a page of results
+    beside the report of its base.
+
     Every stage skips what is done, so an interrupted run goes on where it stopped.
     """
     began = time.monotonic()
@@ -58,9 +62,19 @@ def run(study: Study, workspace: Workspace) -> Path:
     base = made[BASE]
     with times.of(BASE, "report"):
         page = report(workspace, base.data, base.model_ids, base.evaluation_ids, base.config)
+    findings = None
+    if len(made) > 1 or base.config.evaluation.tuning is not None:
+        with times.of(BASE, "results"):
+            parts = [
+                Part.of(name, each.config, each.data, each.model_ids, each.evaluation_ids)
+                for name, each in made.items()
+            ]
+            findings = results(study.name, workspace, parts, times.seconds)
     say(f"\nDone in {time.monotonic() - began:.0f} s.")
     times.tell()
     say(f"Report:      {short(page)}")
+    if findings is not None:
+        say(f"Results:     {short(findings)}")
     say(f"Experiments: {command(workspace)} ui")
     say(
         f"A query:     {command(workspace)} query \"SELECT replanner, summary['close_share'] AS "

@@ -100,7 +100,8 @@ def ratio_chapter(groups: Groups) -> Chapter:
                     styles={pair.name: pair.style for pair in curves},
                 ),
                 "How many times milder LMTR violates than the library where both have the same "
-                "share of close footholds (between the points of a front linearly). The best LMTR "
+                "share of close footholds (linear between those w's of each that no other of its own beats "
+                "on these courses). The best LMTR "
                 "is that of all n, policies and w's with the least violation at no more close "
                 "footholds than each point of the library; it was chosen on these courses, so its "
                 "ratio is a little optimistic. Bands: 95 % "
