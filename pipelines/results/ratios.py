@@ -100,9 +100,9 @@ def ratio_chapter(groups: Groups) -> Chapter:
                     styles={pair.name: pair.style for pair in curves},
                 ),
                 "How many times milder LMTR violates than the library where both have the same "
-                "share of close footholds (linear between those w's of each that no other of its own beats "
-                "on these courses). The best LMTR "
-                "is that of all n, policies and w's with the least violation at no more close "
+                "share of close footholds (linear between those w's of each that no other of its "
+                "own beats on these courses). The best LMTR is that of all n, policies and w's "
+                "with the least violation at no more close "
                 "footholds than each point of the library; it was chosen on these courses, so its "
                 "ratio is a little optimistic. Bands: 95 % "
                 "intervals by paired bootstrap over courses and training seeds. Dashed: 5 and 10 "
