@@ -2,7 +2,7 @@
 
 import time
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pipelines.config import Configuration
@@ -17,6 +17,7 @@ from pipelines.segment import segment
 from pipelines.stage_times import StageTimes
 from pipelines.study import BASE, Study
 from pipelines.train import train
+from pipelines.trials import LOOKS_UP
 from pipelines.workspace import Workspace
 
 STAGES = "stages.json"
@@ -60,10 +61,12 @@ def run(study: Study, workspace: Workspace) -> Path:
                 say(f"\n{study.name}: {name}")
             made[name] = _make(name, config, workspace, times)
     base = made[BASE]
+    is_study = len(made) > 1 or base.config.evaluation.tuning is not None
     with times.of(BASE, "report"):
-        page = report(workspace, base.data, base.model_ids, base.evaluation_ids, base.config)
+        shown = _side_by_side(workspace, base) if is_study else base
+        page = report(workspace, base.data, shown.model_ids, shown.evaluation_ids, base.config)
     findings = None
-    if len(made) > 1 or base.config.evaluation.tuning is not None:
+    if is_study:
         with times.of(BASE, "results"):
             parts = [
                 Part.of(name, each.config, each.data, each.model_ids, each.evaluation_ids)
@@ -95,3 +98,32 @@ def _make(name: str, config: Configuration, workspace: Workspace, times: StageTi
     with times.of(name, "evaluate"):
         evaluation_ids = evaluate(config, workspace, data, model_ids)
     return Made(config, data, model_ids, evaluation_ids)
+
+
+def _side_by_side(workspace: Workspace, made: Made) -> Made:
+    """Of the many models and evaluations of a study those that a report can show together.
+
+    They are the first training seed's, of the latent dimensions that are tuned, at the first w.
+    """
+    section, training = made.config.evaluation, made.config.training
+    tuned = section.tuning.latent if section.tuning is not None else None
+    latents = {0, *(tuned or training.latent)}
+    listed = ", ".join(f"'{each}'" for each in made.evaluation_ids)
+    rows = workspace.lake.read(
+        "evaluations",
+        ["evaluation_id", "model_id", "latent", "training_seed", "policy", "weights"],
+        where=f"evaluation_id IN ({listed})",
+    ).to_pylist()
+    chosen = {
+        row["evaluation_id"]: row["model_id"]
+        for row in rows
+        if row["policy"] in LOOKS_UP
+        and (row["latent"] is None or row["latent"] in latents)
+        and row["training_seed"] in (None, training.seeds[0])
+        and tuple(row["weights"]) == section.weights[0].values
+    }
+    return replace(
+        made,
+        model_ids=[each for each in made.model_ids if each in chosen.values()],
+        evaluation_ids=[each for each in made.evaluation_ids if each in chosen],
+    )
