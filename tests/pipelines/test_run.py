@@ -147,7 +147,7 @@ def test_runs_are_logged_with_curves_metrics_and_data_version(lake, tiny_home):
     row = lake.read("models", where="latent = 2").to_pylist()[0]
     run = client.get_run(row["mlflow_run_id"])
     assert run.info.status == "FINISHED"
-    assert run.data.params["model.latent"] == "2"
+    assert run.data.params["latent"] == "2"
     assert run.data.params["dataset_id"] == row["dataset_id"]
     assert int(run.data.params["segments_version"]) == row["segments_version"]
     curve = client.get_metric_history(run.info.run_id, "train.loss")
