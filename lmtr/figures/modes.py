@@ -246,7 +246,8 @@ def _draw_neighbourhoods(
         title="neighbourhood of tasks",
         title_fontsize=9,
         loc="upper center",
-        bbox_to_anchor=(0.53, 0.055),
+        # Two dimensions have an axis with a label below; three have none there.
+        bbox_to_anchor=(0.53, 0.055) if len(shown) == 3 else (0.5, -0.2),
         ncols=len(handles),
         columnspacing=1.0,
         handletextpad=0.1,

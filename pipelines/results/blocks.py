@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import isfinite
+from math import inf, isfinite
 
 from matplotlib.figure import Figure
 
@@ -39,7 +39,10 @@ class Measure:
 
     def __str__(self) -> str:
         """The number, and behind it its interval."""
-        text = ("≥ " if self.at_least else "") + format_cell(float(self.value))
+        if self.value == inf:
+            text = "∞"
+        else:
+            text = ("≥ " if self.at_least else "") + format_cell(float(self.value))
         if self.low is None or self.high is None or not isfinite(self.low):
             return text
         high = format_cell(float(self.high)) if isfinite(self.high) else "∞"

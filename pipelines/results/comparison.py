@@ -97,7 +97,7 @@ def distributions(workspace: Workspace, groups: Groups, criteria: Criteria) -> l
     ]
     if not judged:
         return [Missing("No replanner has crossed a line yet, so there are no distances.")]
-    some = [name for name in judged if drawn[name].latent in (None, *HIGHLIGHTED)]
+    some = [name for name in judged if drawn[name].latent in (None, *highlighted(groups))]
     return [
         Illustration(
             "distributions",
@@ -126,7 +126,11 @@ def fronts(groups: Groups) -> list[Block]:
         for kind, members in series.items()
         if kind in several or kind[1] == "selected" or kind[0] == 0
     }
-    kept = {members[0].name: members for kind, members in shown.items() if _in_front_figure(kind)}
+    kept = {
+        members[0].name: members
+        for kind, members in shown.items()
+        if _in_front_figure(kind, groups)
+    }
     styles = {name: members[0].style for name, members in kept.items()}
     blocks: list[Block] = []
     for stem, violation, label in (
@@ -171,12 +175,17 @@ def fronts(groups: Groups) -> list[Block]:
     return blocks
 
 
-def _in_front_figure(kind: tuple[int | None, str]) -> bool:
-    """Few enough to be told apart: some dimensions and the library, by policies that look up."""
+def highlighted(groups: Groups) -> list[int]:
+    """Latent dimensions, few enough to be told apart in one figure."""
+    known = groups.latents
+    usual = [n for n in HIGHLIGHTED if n in known]
+    return usual if any(usual) else [*usual, *[n for n in known if n][-3:]]
+
+
+def _in_front_figure(kind: tuple[int | None, str], groups: Groups) -> bool:
+    """Some dimensions and the library, by policies that look up."""
     latent, policy = kind
-    return policy in ("nearest", "selected") and (
-        latent is None or latent in HIGHLIGHTED or latent == 16
-    )
+    return policy in ("nearest", "selected") and (latent is None or latent in highlighted(groups))
 
 
 def _trade_off(group: Group, violation: Measured, groups: Groups) -> TradeOff:
@@ -242,9 +251,7 @@ def over_policies(groups: Groups) -> list[Block]:
     policies = [p for p in groups.policies if p != EXPERT]
     if len(policies) < 2:
         return [Missing("Only one policy was evaluated: there is nothing to compare it with.")]
-    latents = [n for n in groups.latents if n and n in HIGHLIGHTED] or [
-        n for n in groups.latents if n
-    ]
+    latents = [n for n in highlighted(groups) if n]
     panels, styles = [], {}
     for name in ("close_share", "mean_violation", "distance", "mean_velocity_jump"):
         measured, dots = MEASURES[name], {}
