@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.fs as pafs
 import pytest
 from deltalake import DeltaTable
 
@@ -285,3 +286,14 @@ def test_a_table_whose_columns_differ_is_refused_by_their_names(tmp_path):
     )
     with pytest.raises(LakeError, match=r"differs in settings.*another home"):
         Lake(folder).read("cuts")
+
+
+def test_no_thread_of_arrows_holds_a_file_of_pythons(lake, datasets):
+    # Such a thread may let go of it after the interpreter has ended, which aborts the process.
+    lake.append("datasets", datasets(["a"]), app_id="x", number=1)
+    scanned = lake.dataset("datasets", lake.delta("datasets"))
+    inner = scanned.filesystem
+    while isinstance(inner, pafs.SubTreeFileSystem):
+        inner = inner.base_fs
+    assert isinstance(inner, pafs.LocalFileSystem)
+    assert scanned.to_table()["dataset_id"].to_pylist() == ["a"]
