@@ -38,6 +38,11 @@ class Job:
     optimizer: TrainingSettings
     model_id: str
 
+    @property
+    def label(self) -> str:
+        """What people call it; of one sweep no two are alike."""
+        return f"{self.model.name} seed {self.optimizer.seed}"
+
 
 def jobs(config: Configuration, data: LearningData) -> list[Job]:
     """The models that a configuration asks for on these data."""
@@ -133,12 +138,9 @@ class _Keeper:
 
     def on_report(self, trial: Trial[Job], metrics: Mapping[str, float]) -> None:
         """Show how far a model is."""
-        epoch = int(metrics["epoch"])
-        note = (
-            f"{trial.config.model.name} seed {trial.config.optimizer.seed}: epoch {epoch}, loss "
-            f"{metrics['loss']:.3f}; {self.kept} of {self._total} models done"
-        )
-        self._advance(trial, epoch, note)
+        epoch, epochs = int(metrics["epoch"]), trial.config.optimizer.epochs
+        self._progress.piece(trial.config.label, epoch, epochs, f"loss {metrics['loss']:.3f}")
+        self._advance(trial, epoch)
 
     def on_done(self, trial: Trial[Job], done: Done[TrainedModel]) -> None:
         """Keep a model, or why there is none."""
@@ -150,13 +152,15 @@ class _Keeper:
             record(self._workspace, self._data, job, done, (self._experiment, self._parent))
             self.kept += 1
             said = _result(done.result)
-        self._advance(trial, job.optimizer.epochs, f"{self.kept} of {self._total} models done")
+        self._progress.drop(job.label)
+        self._advance(trial, job.optimizer.epochs)
         say(f"train: {job.model_id}: {said}")
 
-    def _advance(self, trial: Trial[Job], epoch: int, note: str) -> None:
+    def _advance(self, trial: Trial[Job], epoch: int) -> None:
         # A trial that is begun again counts from where it was.
         before = self._epochs.get(trial.name, 0)
         self._epochs[trial.name] = max(before, epoch)
+        note = f"{self.kept} of {self._total} models done"
         self._progress.advance(max(0, epoch - before), note)
 
 
@@ -180,11 +184,13 @@ def record(
     assert model is not None, "what failed is not recorded"
     folder, metrics = workspace.models.folder(job.model_id), training_log.best_metrics(model)
     experiment, parent = place
-    with workspace.tracker.run(
+    # A driver that was killed here before has left the run of this model half made.
+    with workspace.tracker.resumed(
         experiment,
-        f"{job.model.name} seed {job.optimizer.seed}",
+        job.label,
         training_log.model_params(job.model, job.optimizer, data),
         training_log.model_tags(job.model, job.model_id, data),
+        identity=job.model_id,
         parent=parent,
         began=done.began,
     ) as run:

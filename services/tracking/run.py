@@ -3,7 +3,7 @@
 import re
 import tempfile
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
@@ -54,13 +54,18 @@ class Run:
         self.id = run_id
 
     @reported("parameters")
-    def params(self, values: Mapping[str, object]) -> None:
-        """Record what was chosen; a value that is too long is cut, and kept whole as a file."""
+    def params(self, values: Mapping[str, object], known: Collection[str] = ()) -> None:
+        """Record what was chosen; a value that is too long is cut, and kept whole as a file.
+
+        Those in ``known`` are left as they are: MLflow takes a parameter once.
+        """
         from mlflow.entities import Param
 
         params = []
         for key, value in values.items():
             name, text = _allowed(key), str(value)
+            if name in known:
+                continue
             if len(text) > PARAM_LENGTH:
                 self._client.log_text(self.id, text, f"params/{name.replace('/', '.')}.txt")
                 text = f"{text[: PARAM_LENGTH - 1]}…"

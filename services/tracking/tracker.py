@@ -78,11 +78,10 @@ class Tracker:
             began: When its work began (s since 1970); now by default.
         """
         with reported(f"run {name!r}"):
-            links = {} if parent is None else {"mlflow.parentRunId": parent}
             made = self._client.create_run(
                 experiment_id,
                 start_time=None if began is None else int(began * 1000),
-                tags={**tags, **links},
+                tags={**tags, **_links(parent)},
                 run_name=name,
             )
             run = Run(self._client, made.info.run_id)
@@ -99,30 +98,37 @@ class Tracker:
         params: Mapping[str, object],
         tags: Mapping[str, str],
         identity: str,
+        parent: str | None = None,
+        began: float | None = None,
     ) -> Iterator[Run]:
         """The run of this identity, which goes on, or else a new one; ends like :meth:`run`.
 
         Args:
             experiment_id: From :meth:`experiment`.
             name: What people call it.
-            params: What was chosen; recorded when it is new.
+            params: What was chosen; those that are recorded already stay.
             tags: What it is found by; set anew each time.
             identity: What tells it from other runs; kept as tag ``identity``.
+            parent: Id of the run that it belongs to from now on.
+            began: When its work began (s since 1970), if it is new; now by default.
         """
         with reported(f"run {name!r}"):
             found = self._client.search_runs(
                 [experiment_id], f"tags.identity = '{identity}'", max_results=1
             )
         if not found:
-            with self.run(experiment_id, name, params, {**tags, "identity": identity}) as run:
+            tags = {**tags, "identity": identity}
+            with self.run(experiment_id, name, params, tags, parent, began) as run:
                 yield run
             return
         run = Run(self._client, found[0].info.run_id)
         with reported(f"run {name!r}"):
             self._client.update_run(run.id, status="RUNNING")
-            for key, value in tags.items():
+            for key, value in {**tags, **_links(parent)}.items():
                 run.tag(key, value)
         with self._ended(run, name):
+            with reported(f"run {name!r}"):
+                run.params(flat(params), known=set(found[0].data.params))
             yield run
 
     @property
@@ -181,6 +187,10 @@ class Tracker:
             client.search_experiments(max_results=1)
             follow_moved_artifacts(self.uri, self.artifacts)
         return client
+
+
+def _links(parent: str | None) -> dict[str, str]:
+    return {} if parent is None else {"mlflow.parentRunId": parent}
 
 
 @contextmanager

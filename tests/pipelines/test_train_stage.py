@@ -110,6 +110,27 @@ def test_a_sweep_goes_on_where_it_stopped_below_the_same_run(opened, monkeypatch
     assert {run.data.tags["mlflow.parentRunId"] for run in children} == {sweep.info.run_id}
 
 
+def test_a_model_that_was_half_recorded_goes_on_in_its_run(opened, monkeypatch):
+    config, space, data = opened
+    one = config.training.model_copy(update={"latent": (2,), "seeds": (0,)})
+    config = config.model_copy(update={"training": one})
+    with monkeypatch.context() as patch:
+        patch.setattr(stage, "register", refused)
+        with pytest.raises(OSError, match="disk full"):
+            train(config, space, data)
+    (half,) = runs(space, "model")
+    assert half.info.status == "FAILED"
+    (model_id,) = train(config, space, data)
+    (whole,) = runs(space, "model")
+    assert (whole.info.run_id, whole.info.status) == (half.info.run_id, "FINISHED")
+    (version,) = client(space).search_model_versions(f"tags.model_id = '{model_id}'")
+    assert version.run_id == whole.info.run_id
+
+
+def refused(*_arguments):
+    raise OSError("disk full")
+
+
 def test_ctrl_c_keeps_finished_models_and_gives_up_the_others(opened, monkeypatch):
     config, space, data = opened
     real, first = stage.record, jobs(config, data)[0].model_id
