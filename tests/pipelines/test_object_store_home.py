@@ -1,10 +1,20 @@
 """The command line on a home in an object store: filled, asked, looked over, learned from."""
 
 import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
 
+import numpy as np
 import pytest
 from s3_servers import BUCKET, dropping_conditions
 
+from lmtr.replanners import artifact
+from lmtr.vectors.layout import TASK_LAYOUT
 from pipelines.registry import is_trained, load
 from pipelines.workspace import Workspace
 
@@ -76,6 +86,64 @@ def test_a_data_set_and_its_model_live_in_a_store(lmtr, place, config, tmp_path,
     assert is_trained(workspace, row["model_id"])
     assert load(workspace, row["model_id"]).settings.latent == 0
     assert workspace.models.folder(row["model_id"]).is_dir()
+
+
+@pytest.fixture
+def tracking_server(moto, reach, prefix, tmp_path, monkeypatch):
+    """MLflow's server, which keeps the files of runs in the store; all homes use it."""
+    reach(moto)
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = str(probe.getsockname()[1])
+    command = [sys.executable, "-m", "mlflow", "server", "--host", "127.0.0.1", "--port", port]
+    command += ["--backend-store-uri", f"sqlite:///{tmp_path}/shared.db", "--workers", "1"]
+    command += ["--artifacts-destination", f"s3://{BUCKET}/{prefix}/runs"]
+    place = {"MLFLOW_S3_ENDPOINT_URL": moto.endpoint, "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"}
+    log = (tmp_path / "server.log").open("w")
+    server = subprocess.Popen(
+        command, env={**os.environ, **place}, stdout=log, stderr=log, start_new_session=True
+    )
+    try:
+        uri, deadline = f"http://127.0.0.1:{port}", time.monotonic() + 90
+        while not healthy(uri):
+            assert server.poll() is None, (tmp_path / "server.log").read_text()
+            assert time.monotonic() < deadline
+            time.sleep(0.2)
+        monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)
+        yield uri
+    finally:
+        os.killpg(server.pid, signal.SIGTERM)
+        server.wait(timeout=30)
+
+
+def healthy(uri: str) -> bool:
+    try:
+        return urllib.request.urlopen(f"{uri}/health", timeout=5).status == 200
+    except OSError:
+        return False
+
+
+@pytest.mark.slow
+def test_a_registered_model_comes_from_a_shared_tracker(
+    lmtr, moto, tracking_server, prefix, config, tmp_path, monkeypatch
+):
+    """Trained on one machine, planned with on another, which has neither home nor lake."""
+    import mlflow
+
+    place, workers = f"s3://{BUCKET}/{prefix}/home", ("--workers", "0")
+    for stage in (["generate", *workers], ["segment"], ["train", "--latent", "0,2", *workers]):
+        done(lmtr("--home", place, *stage, "-c", config))
+    asked = "SELECT model_id, latent FROM models"
+    rows = json.loads(done(lmtr("--home", place, "query", asked, "--format", "json")))
+    x = np.random.default_rng(0).normal(size=(5, TASK_LAYOUT.size))
+    mlflow.set_tracking_uri(tracking_server)
+    for row in rows:
+        out = tmp_path / row["model_id"]
+        done(lmtr("--home", place, "export", "replanner", row["model_id"], "--out", out))
+        name = f"lmtr-{row['latent']}" if row["latent"] else "unimodal"
+        planner = mlflow.pyfunc.load_model(f"models:/{name}/1")
+        np.testing.assert_allclose(planner.predict(x), artifact.load(out).plan(x), rtol=1e-6)
+    assert any("/runs/" in key and "replanner" in key for key in moto.objects(prefix))
 
 
 def test_doctor_looks_over_a_home_in_a_store(lmtr, place, monkeypatch):

@@ -107,6 +107,7 @@ def test_what_the_owner_raises_ends_the_sweep_and_reaches_the_caller(cluster):
         cluster.sweep(sweep)
 
 
+@pytest.mark.slow
 def test_a_trial_whose_worker_died_is_begun_again_a_few_times(ray_on_this_machine, tmp_path):
     owner = Owner()
     configs = [{"add": 0, "dies_once": str(tmp_path / "died")}, {"add": 1, "dies": True}]
