@@ -6,15 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lmtr.arrays import Array
 from lmtr.errors import ModelError
 from lmtr.expert.solve import Solution
 from lmtr.quality.filter import expected_cost, judge
 from lmtr.quality.measure import measure
 from lmtr.quality.status import Status
+from lmtr.rollout.balance import mean_residuals
 from lmtr.rollout.courses import Course, random_courses
 from lmtr.rollout.metrics import forward_violation, obstacle_clearances
 from lmtr.rollout.stretches import Stretch, stretches
-from lmtr.rollout.summary import ReplannerSummary, pooled
+from lmtr.rollout.summary import ReplannerSummary, pooled, residual_percentiles
 from lmtr.rollout.tally import Tally
 from lmtr.streams import Purpose, stream
 from lmtr.task.sampling import sample_noise
@@ -36,6 +38,21 @@ ATTEMPTS = 4
 
 NOT_SOLVED = "not_solved"
 """Why a course counts as fallen: no draw converged on one of its stretches."""
+
+
+@dataclass(frozen=True)
+class Walk:
+    """How the expert walked one course.
+
+    Attributes:
+        row: Columns of its row of table ``rollouts``.
+        tally: The sums in it.
+        residuals: Linear and angular, of each stretch that was solved.
+    """
+
+    row: Row
+    tally: Tally
+    residuals: list[tuple[Array, Array]]
 
 
 @dataclass(frozen=True)
@@ -76,7 +93,7 @@ def walk_courses(
         say(f"evaluate: {news}")
     courses = random_courses(section.rollout, section.seed, range(section.expert_courses))
     make_worker = functools.partial(CourseWorker, section, settings)
-    walks: list[tuple[Row, Tally]] = []
+    walks: list[Walk] = []
     with (
         workspace.cluster(len(courses)) as cluster,
         bar("Solving courses", len(courses)) as progress,
@@ -89,22 +106,26 @@ def walk_courses(
                 )
             walks.append(outcome.value)
             progress.advance(note=f"course {outcome.item.index}")
-    walks.sort(key=lambda walk: int(walk[0]["index"]))
-    return Walked([row for row, _ in walks], _summary(walks))
+    walks.sort(key=lambda walk: int(walk.row["index"]))
+    return Walked([walk.row for walk in walks], _summary(walks))
 
 
-def _summary(walks: Sequence[tuple[Row, Tally]]) -> ReplannerSummary:
+def _summary(walks: Sequence[Walk]) -> ReplannerSummary:
     nothing = float("nan")
+    residuals = [each for walk in walks for each in walk.residuals]
+    linear, angular = residual_percentiles(residuals) if residuals else (nothing, nothing)
     return ReplannerSummary(
         replanner=EXPERT,
-        performance=pooled([tally for _, tally in walks]),
-        diverged=int(sum(tally.falls for _, tally in walks)),
+        performance=pooled([walk.tally for walk in walks]),
+        diverged=int(sum(walk.tally.falls for walk in walks)),
         reasons={},
+        linear_residual_p95=linear,
+        angular_residual_p95=angular,
         velocity_jump=nothing,
         foot_jump=nothing,
         disagreement_share=nothing,
         disagreements={},
-        plan_seconds=float(np.median(np.concatenate([row["plan_seconds"] for row, _ in walks]))),
+        plan_seconds=float(np.median(np.concatenate([walk.row["plan_seconds"] for walk in walks]))),
     )
 
 
@@ -118,18 +139,19 @@ class CourseWorker:
         self._expert = build_expert(settings)
         self._cost_key = settings.expert.cost_key(self._robot)
 
-    def __call__(self, course: Course) -> tuple[Row, Tally]:
-        """Columns of one row of ``rollouts``, and the sums in it."""
+    def __call__(self, course: Course) -> Walk:
+        """Walk one course, a stretch at a time."""
         settings, criteria = self._settings, self._section.criteria
         parts = stretches(course, self._length(), settings.tasks, self._robot)
         rng = stream(course.seed, Purpose.REFERENCE, course.index)
         solved = [self._solved(part, rng) for part in parts]
-        tallies, clearances, violations = [], [], []
+        tallies, residuals, clearances, violations = [], [], [], []
         for part, (solution, _) in zip(parts, solved, strict=True):
             if solution is None:
                 continue
             motion = sampled(solution.trajectory, BASE_STEP)
             tallies.append(Tally.of(motion, part.judged_W, self._robot, criteria))
+            residuals.append(mean_residuals(motion, self._robot))
             clearances += obstacle_clearances(motion, part.judged_W).ravel().tolist()
             violation = forward_violation(motion, self._robot, criteria.forward_limit)
             violations += violation[motion.contact].tolist()
@@ -150,7 +172,7 @@ class CourseWorker:
             "violations": violations,
             "plan_seconds": [seconds for _, seconds in solved],
         }
-        return row, tally
+        return Walk(row, tally, residuals)
 
     def _length(self) -> float:
         """As far as the expert's own tasks would bring it in the time of a rollout (m)."""

@@ -204,6 +204,8 @@ def summary_metrics(summary: ReplannerSummary) -> dict[str, float]:
         "rollouts": float(performance.motions),
         "diverged": float(summary.diverged),
         "obstacles_crossed": float(performance.obstacles_crossed),
+        "linear_residual_p95": summary.linear_residual_p95,
+        "angular_residual_p95": summary.angular_residual_p95,
         "velocity_jump": summary.velocity_jump,
         "foot_jump": summary.foot_jump,
         "disagreement_share": summary.disagreement_share,

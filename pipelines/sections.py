@@ -1,11 +1,12 @@
 """The sections of a configuration that belong to stages, beside those of the science's settings."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
 
+from lmtr.errors import ConfigurationError
 from lmtr.models.settings import ModelSettings, ModeRegressorSettings, TrainingSettings
 from lmtr.policies.distance import TaskWeights
 from lmtr.replanners.selecting import Selection
@@ -114,6 +115,14 @@ class TrainingSection(Settings):
         return ModelSettings.model_validate({**self.model.model_dump(), "latent": latent})
 
 
+def _task_weights(values: Sequence[float]) -> object:
+    """A vector w as TOML has it, by its four numbers."""
+    try:
+        return TaskWeights.of(values)
+    except ConfigurationError as error:
+        raise ValueError(f"{error}; give each of them one") from error
+
+
 class EvaluationSection(Settings):
     """How replanners are compared.
 
@@ -121,7 +130,8 @@ class EvaluationSection(Settings):
         rollouts: Rollouts per replanner, one obstacle course each, the same for all.
         seed: Seed of the courses and starts.
         with_library: Whether the trajectory library is evaluated too.
-        weights: Distance weights w of the nearest-neighbour look-ups, one evaluation each.
+        weights: Distance weights w of the nearest-neighbour look-ups, one evaluation each; by name,
+            or four numbers in the order χ_base, χ_feet, η, γ.
         policies: How LMTR selects its modes, one evaluation each: ``nearest`` is π_nbr,
             ``selected`` takes the cheapest of several nearest, ``gaussian`` is π_N, ``prior`` and
             ``zero`` are controls that do not look at the task. The library has the first two.
@@ -149,6 +159,18 @@ class EvaluationSection(Settings):
     tuning: TuningSection | None = None
     keep_motions: Annotated[int, Field(ge=0)] = 10
     expert_courses: Annotated[int, Field(ge=0)] = 0
+
+    @field_validator("weights", mode="before")
+    @classmethod
+    def _vectors_of_four(cls, weights: object) -> object:
+        if not isinstance(weights, list | tuple):
+            return weights
+        if weights and all(isinstance(each, int | float) for each in weights):
+            raise ValueError(
+                f"weights must be a list of vectors w, got the numbers {list(weights)}; put them "
+                "into another pair of brackets"
+            )
+        return [_task_weights(each) if isinstance(each, list | tuple) else each for each in weights]
 
     @field_validator("tuning", mode="before")
     @classmethod

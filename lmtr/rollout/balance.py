@@ -7,7 +7,7 @@ differences of sampled velocities, and neither its balance nor its splines are u
 
 import numpy as np
 
-from lmtr.arrays import Array, Flags
+from lmtr.arrays import Array
 from lmtr.geometry.rotation import rotation_matrix
 from lmtr.robot.model import GRAVITY, RobotModel
 from lmtr.trajectory.motion import Motion
@@ -53,21 +53,28 @@ def mean_residuals(motion: Motion, robot: RobotModel) -> tuple[Array, Array]:
     return _magnitude(linear[inside]), _magnitude(angular[inside])
 
 
-def leaves_friction(motion: Motion, robot: RobotModel, tolerance: float) -> Flags:
-    """Whether a standing foot pushes sideways more than friction holds, or pulls at the ground.
+def friction_excess(motion: Motion, robot: RobotModel) -> Array:
+    """How far planned forces of standing feet are outside of the friction pyramid.
+
+    The larger of what they push sideways beyond μ·f_z, and what they pull at the ground.
 
     Args:
         motion: M samples; the ground is level.
         robot: Its weight, and the coefficient μ of the friction pyramid.
-        tolerance: Excess that does not count yet (weights of the robot).
 
     Returns:
-        (M, 4); false in swing.
+        (M, 4) in weights of the robot; 0 inside of the pyramid, NaN in swing.
     """
     force = motion.foot_force_W / robot.weight
     normal, sideways = force[..., 2], np.abs(force[..., :2]).max(axis=-1)
-    slides = sideways - robot.friction * np.maximum(normal, 0.0) > tolerance
-    return np.asarray(motion.contact & (slides | (normal < -tolerance)))
+    slides = np.maximum(sideways - robot.friction * np.maximum(normal, 0.0), 0.0)
+    return np.asarray(np.maximum(slides, pull(motion, robot)))
+
+
+def pull(motion: Motion, robot: RobotModel) -> Array:
+    """How much standing feet pull at the ground, (M, 4) in weights; 0 if not, NaN in swing."""
+    normal = motion.foot_force_W[..., 2] / robot.weight
+    return np.where(motion.contact, np.maximum(-normal, 0.0), np.nan)
 
 
 def _mean(values: Array) -> Array:

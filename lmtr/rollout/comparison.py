@@ -40,6 +40,9 @@ class Tallies:
     def stacked(cls, seeds: Sequence[Sequence[Mapping[str, float]]]) -> Self:
         """Of one list per training seed, each with the sums of every course in the same order.
 
+        Sums that were not made yet when one of them was evaluated are NaN, and so is what is made
+        of them.
+
         Raises:
             DataError: There are none, or seeds have different numbers of courses.
         """
@@ -49,7 +52,10 @@ class Tallies:
                 f"comparison: every training seed must have walked the same courses, got numbers "
                 f"of courses {counts}; evaluate all with the same settings"
             )
-        return cls({n: np.array([[row[n] for row in rows] for rows in seeds]) for n in NAMES})
+        nan = float("nan")
+        return cls(
+            {n: np.array([[row.get(n, nan) for row in rows] for rows in seeds]) for n in NAMES}
+        )
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -10,6 +10,7 @@ from scipy.stats import binomtest
 from lmtr.arrays import Array, Indices
 from lmtr.errors import DataError
 from lmtr.robot.model import RobotModel
+from lmtr.rollout.balance import mean_residuals
 from lmtr.rollout.contacts import Disagreement
 from lmtr.rollout.record import Ending, Rollout
 from lmtr.rollout.settings import Criteria
@@ -19,6 +20,9 @@ from lmtr.trajectory.motion import Motion
 
 CONFIDENCE = 0.95
 """Coverage of the confidence intervals."""
+
+UPPER = 0.95
+"""The percentile of residuals that stands for their upper end, as a share."""
 
 RESAMPLES = 2000
 """Bootstrap draws; the ends of an interval then repeat to a few hundredths of its width."""
@@ -49,6 +53,8 @@ class Performance:
         mean_violation: Mean forward violation of contacting feet (m).
         large_violation_share: Share of contacting feet beyond ``Criteria.large_violation``.
         friction_share: Share of contacting feet whose planned force leaves the friction pyramid.
+        mean_friction_excess: Mean over contacting feet of how far outside it is (weights).
+        pull_share: Share of contacting feet whose planned force pulls at the ground.
         linear_residual: Mean acceleration of the base that its forces leave unexplained (m/s²).
         angular_residual: Mean angular acceleration left unexplained (rad/s²).
         mean_velocity_jump: Mean change of the base's velocity at replanning (m/s).
@@ -65,6 +71,8 @@ class Performance:
     mean_violation: Estimate
     large_violation_share: Estimate
     friction_share: Estimate
+    mean_friction_excess: Estimate
+    pull_share: Estimate
     linear_residual: Estimate
     angular_residual: Estimate
     mean_velocity_jump: Estimate
@@ -83,6 +91,8 @@ class ReplannerSummary:
         performance: Over all rollouts; a diverged one counts up to where it diverged.
         diverged: Rollouts that diverged; compare performance only with this beside it.
         reasons: How many diverged for which reason.
+        linear_residual_p95: 95th percentile of the acceleration left unexplained (m/s²).
+        angular_residual_p95: Likewise of the angular acceleration (rad/s²).
         velocity_jump: Median change of the base's velocity at replanning (m/s).
         foot_jump: Median distance between a foot so far and in the new plan (m).
         disagreement_share: Share of (replanning, foot) pairs that disagree about the contact.
@@ -94,6 +104,8 @@ class ReplannerSummary:
     performance: Performance
     diverged: int
     reasons: dict[Ending, int]
+    linear_residual_p95: float
+    angular_residual_p95: float
     velocity_jump: float
     foot_jump: float
     disagreement_share: float
@@ -131,11 +143,14 @@ def summarise(
     reasons = Counter(rollout.ending for rollout in rollouts if rollout.diverged)
     kinds = np.concatenate([rollout.disagreements.reshape(-1) for rollout in rollouts])
     found = Counter(Disagreement(kind) for kind in kinds[kinds != Disagreement.NONE].tolist())
+    linear, angular = residual_percentiles([mean_residuals(r.motion, robot) for r in rollouts])
     return ReplannerSummary(
         replanner=names[0],
         performance=pooled(tallies, seed),
         diverged=reasons.total(),
         reasons=dict(reasons),
+        linear_residual_p95=linear,
+        angular_residual_p95=angular,
         velocity_jump=_median([rollout.velocity_jump for rollout in rollouts]),
         foot_jump=_median([rollout.foot_jump.reshape(-1) for rollout in rollouts]),
         disagreement_share=found.total() / kinds.size if kinds.size else float("nan"),
@@ -177,6 +192,23 @@ def pooled(tallies: Sequence[Tally], seed: int = 0) -> Performance:
         fall_share=_share(falls, len(tallies)),
         **{name: rate(name) for name in RATES if name != "fall_share"},
     )
+
+
+def residual_percentiles(residuals: Sequence[tuple[Array, Array]]) -> tuple[float, float]:
+    """95th percentiles of linear and angular residuals over the samples of all motions.
+
+    Args:
+        residuals: Both of each motion, as :func:`~lmtr.rollout.balance.mean_residuals` has them.
+
+    Returns:
+        m/s² and rad/s²; NaN over no samples.
+    """
+    linear, angular = (np.concatenate(parts) for parts in zip(*residuals, strict=True))
+    return _percentile(linear), _percentile(angular)
+
+
+def _percentile(values: Array) -> float:
+    return float(np.quantile(values, UPPER)) if values.size else float("nan")
 
 
 def _share(count: int, of: int) -> Estimate:

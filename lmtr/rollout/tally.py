@@ -12,7 +12,7 @@ import numpy as np
 
 from lmtr.arrays import Array
 from lmtr.robot.model import RobotModel
-from lmtr.rollout.balance import leaves_friction, mean_residuals
+from lmtr.rollout.balance import friction_excess, mean_residuals, pull
 from lmtr.rollout.metrics import forward_violation, obstacle_clearances
 from lmtr.rollout.record import Rollout
 from lmtr.rollout.settings import Criteria
@@ -32,7 +32,10 @@ class Tally:
         contacts: Pairs of a sample and a foot in contact.
         violation: Sum over them of the forward violation (m).
         large_violations: Those beyond ``Criteria.large_violation``.
-        friction_violations: Those whose planned force leaves the friction pyramid, or pulls.
+        friction_violations: Those whose planned force leaves the friction pyramid, or pulls, by
+            more than ``Criteria.friction_excess``.
+        friction_excess: Sum over all of them of how far it is outside (weights of the robot).
+        pulls: Those whose planned force pulls at the ground by more than that.
         balances: Samples at which the dynamics were judged.
         linear_residual: Sum over them of the acceleration left unexplained (m/s²).
         angular_residual: Sum over them of the angular acceleration left unexplained (rad/s²).
@@ -53,6 +56,8 @@ class Tally:
     violation: float
     large_violations: float
     friction_violations: float
+    friction_excess: float
+    pulls: float
     balances: float
     linear_residual: float
     angular_residual: float
@@ -75,6 +80,7 @@ class Tally:
         """Judge one motion; with the ``rollout`` that it comes from, also its replannings."""
         clearances = obstacle_clearances(motion, obstacles_W)
         violation = forward_violation(motion, robot, criteria.forward_limit)
+        excess, pulled = friction_excess(motion, robot), pull(motion, robot)
         linear, angular = mean_residuals(motion, robot)
         base_jumps = np.zeros(0) if rollout is None else rollout.velocity_jump
         foot_jumps = np.zeros(0) if rollout is None else rollout.foot_jump
@@ -87,9 +93,9 @@ class Tally:
             contacts=float(motion.contact.sum()),
             violation=float(np.nansum(violation)),
             large_violations=float((violation > criteria.large_violation).sum()),
-            friction_violations=float(
-                leaves_friction(motion, robot, criteria.friction_excess).sum()
-            ),
+            friction_violations=float((excess > criteria.friction_excess).sum()),
+            friction_excess=float(np.nansum(excess)),
+            pulls=float((pulled > criteria.friction_excess).sum()),
             balances=float(len(linear)),
             linear_residual=float(linear.sum()),
             angular_residual=float(angular.sum()),
@@ -114,8 +120,8 @@ class Tally:
 
     @classmethod
     def from_dict(cls, sums: Mapping[str, float]) -> Self:
-        """The inverse of :meth:`as_dict`."""
-        return cls(**{name: float(sums[name]) for name in NAMES})
+        """The inverse of :meth:`as_dict`; NaN for sums that were not made when it was."""
+        return cls(**{name: float(sums.get(name, float("nan"))) for name in NAMES})
 
     def as_dict(self) -> dict[str, float]:
         """All sums by name."""
@@ -130,6 +136,8 @@ RATES: dict[str, tuple[str, str]] = {
     "mean_violation": ("violation", "contacts"),
     "large_violation_share": ("large_violations", "contacts"),
     "friction_share": ("friction_violations", "contacts"),
+    "mean_friction_excess": ("friction_excess", "contacts"),
+    "pull_share": ("pulls", "contacts"),
     "linear_residual": ("linear_residual", "balances"),
     "angular_residual": ("angular_residual", "balances"),
     "mean_velocity_jump": ("velocity_jump", "replannings"),

@@ -85,7 +85,14 @@ def test_bad_queries(lmtr, tiny_home, sql, words):
         (["generate", "--bogus"], ["--bogus", "--help"]),
         (["export", "solutions", "--out", "/proc/x.parquet"], ["/proc/x.parquet"]),
         (["export", "segments", "--out", "y.parquet", "--where", "tau >"], ["syntax error"]),
-        (["evaluate", "--set", "evaluation.weights=[[1, 2]]"], ["weights"]),
+        (
+            ["evaluate", "--set", "evaluation.weights=[[1, 2]]"],
+            ["evaluation.weights", "4 numbers (chi_base, chi_feet, eta, gamma), got 2: [1, 2]"],
+        ),
+        (
+            ["evaluate", "--set", "evaluation.weights=[1, 1, 5, 0.5]"],
+            ["evaluation.weights", "another pair of brackets"],
+        ),
     ],
 )
 def test_bad_arguments_of_commands(lmtr, tiny_home, command, words, tmp_path, monkeypatch):

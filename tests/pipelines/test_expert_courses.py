@@ -34,7 +34,9 @@ def test_the_expert_walks_the_courses_once(lmtr, tiny_home, tiny_config, tmp_pat
     assert sums["crossed"] == summary["obstacles_crossed"] >= 1.0
     assert len(walk["clearances"]) == sums["steps"]
     assert summary["close_share"] == 0.0
-    assert summary["linear_residual"] < 1.0
+    assert 0.0 < summary["linear_residual"] < summary["linear_residual_p95"] < 1.0
+    assert 0.0 < summary["angular_residual"] < summary["angular_residual_p95"] < 4.0
+    assert summary["pull_share"] == 0.0
     status, _, err = lmtr("lake", "check", "--home", home)
     assert status == 0, err
 

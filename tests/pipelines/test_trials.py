@@ -49,6 +49,11 @@ def test_weights_multiply_what_looks_tasks_up(data):
     ]
 
 
+def test_four_numbers_are_the_same_weights(data):
+    short = asked_for(data, "evaluation.weights=[[1.0, 1.0, 5.0, 1.0], {gamma = 0.5}]")
+    assert short == asked_for(data)
+
+
 def test_identities_follow_what_a_replanner_depends_on(data):
     def changed(*changes):
         before, after = asked_for(data), asked_for(data, *changes)

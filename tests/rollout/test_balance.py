@@ -4,11 +4,10 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from lmtr.quality.residual import angular_residual, linear_residual, rigid_motion
 from lmtr.robot.model import ANYMAL, GRAVITY
-from lmtr.rollout.balance import leaves_friction, mean_residuals
+from lmtr.rollout.balance import friction_excess, mean_residuals, pull
 from lmtr.trajectory.motion import sampled
 from lmtr.trajectory.sample import sample_feet
 
@@ -112,20 +111,26 @@ def test_a_last_sample_off_the_grid_is_left_out(standing):
 
 
 def test_friction_is_a_pyramid_and_pulling_is_beyond_it(standing):
-    motion = standing(samples=5)
-    normal = motion.foot_force_W[0, 0, 2]
-    motion.foot_force_W[0, 0, 0] = 0.99 * ANYMAL.friction * normal
-    motion.foot_force_W[1, 1, 1] = -1.1 * ANYMAL.friction * normal
-    motion.foot_force_W[2, 2] = [0.0, 0.0, -0.02 * ANYMAL.weight]
-    motion.foot_force_W[3, 3, :2] = 0.99 * ANYMAL.friction * normal  # outside of the cone
-    outside = leaves_friction(motion, ANYMAL, tolerance=0.005)
-    assert np.argwhere(outside).tolist() == [[1, 1], [2, 2]]
-    motion.contact[1, 1] = False
-    assert not leaves_friction(motion, ANYMAL, tolerance=0.005)[1, 1]
+    motion, mu = standing(samples=6), ANYMAL.friction
+    normal = 0.25  # weights, of each foot
+    force = motion.foot_force_W / ANYMAL.weight
+    force[0, 0, 0] = 0.99 * mu * normal
+    force[1, 1, 1] = -1.1 * mu * normal
+    force[2, 2] = [0.0, 0.0, -0.02]
+    force[3, 3, :2] = 0.99 * mu * normal  # outside of the cone
+    force[4, 0] = [0.05, 0.01, -0.02]  # slides further than it pulls
+    motion.foot_force_W[:] = force * ANYMAL.weight
+    expected = np.zeros((6, 4))
+    expected[1, 1], expected[2, 2], expected[4, 0] = 0.1 * mu * normal, 0.02, 0.05
+    np.testing.assert_allclose(friction_excess(motion, ANYMAL), expected, atol=1e-12)
+    pulled = np.zeros((6, 4))
+    pulled[2, 2] = pulled[4, 0] = 0.02
+    np.testing.assert_allclose(pull(motion, ANYMAL), pulled, atol=1e-12)
 
 
-@pytest.mark.parametrize(("pull", "seen"), [(0.004, False), (0.006, True)])
-def test_what_is_within_the_tolerance_does_not_count(pull, seen, standing):
+def test_a_foot_in_the_air_is_not_judged_by_friction(standing):
     motion = standing(samples=3)
-    motion.foot_force_W[:, 0] = [0.0, 0.0, -pull * ANYMAL.weight]
-    assert leaves_friction(motion, ANYMAL, tolerance=0.005)[:, 0].all() == seen
+    motion.foot_force_W[:, 0] = [0.0, 0.0, -0.1 * ANYMAL.weight]
+    motion.contact[1, 0] = False
+    for judged in (friction_excess(motion, ANYMAL), pull(motion, ANYMAL)):
+        assert np.argwhere(np.isnan(judged)).tolist() == [[1, 0]]

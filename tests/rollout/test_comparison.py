@@ -76,6 +76,19 @@ def test_one_course_with_a_violation_leaves_the_upper_end_open():
     assert (found.value, found.low, found.high) == (1.0, 0.0, np.inf)
 
 
+def test_sums_that_an_older_evaluation_lacks_are_not_judged():
+    """An evaluation of before is compared by what it has, and by nothing else."""
+    row = dict.fromkeys(NAMES, 1.0)
+    old = {name: value for name, value in row.items() if name not in ("friction_excess", "pulls")}
+    mixed, new = Tallies.stacked([[old, row]]), Tallies.stacked([[row, row]])
+    assert mixed.rate("mean_violation") == 1.0
+    assert ratio(mixed, new, "mean_violation").value == 1.0
+    assert np.isnan(mixed.rate("pull_share"))
+    found = ratio(mixed, new, "mean_friction_excess")
+    assert np.isnan([found.value, found.low, found.high]).all()
+    assert not found.at_least
+
+
 def test_the_least_share_follows_the_rule_of_three():
     assert least_share(tallies(np.ones(30)), "close_share") == pytest.approx(3.0 / 300.0)
 
