@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
@@ -92,7 +93,7 @@ def test_ratios_are_drawn_over_the_share_of_close_steps_with_their_targets():
     (axes,) = figure.axes
     (drawn,) = lines(axes, "LMTR-6")
     np.testing.assert_allclose(drawn.get_xydata(), [[5.0, 8.0], [15.0, 4.0]])
-    (band,) = axes.collections
+    (band,) = (each for each in axes.collections if isinstance(each, PolyCollection))
     assert band.get_paths()[0].vertices[:, 1].min() == 3.0
     assert axes.get_yscale() == "log"
     assert axes.get_ylim()[1] > 10.0  # both targets are in view

@@ -137,7 +137,7 @@ def test_verdicts_tell_the_value_from_its_interval():
     assert at_least(Ratio(6.0, 5.5, 7.0), 5.0) == "yes"
     assert at_least(Ratio(6.0, 4.0, 7.0), 5.0) == "value yes, interval no"
     assert at_least(Ratio(4.0, 3.0, 7.0), 5.0) == "no"
-    assert at_least(Ratio(np.nan, np.nan, np.nan), 5.0) == "no"
+    assert at_least(Ratio(np.nan, np.nan, np.nan), 5.0) == "not judged"
     assert at_most(Measure(0.5, 0.1, 1.5), 1.0) == "value yes, interval no"
     assert at_most(Measure(0.5), 1.0) == "yes"
 
