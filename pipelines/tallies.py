@@ -36,4 +36,4 @@ def tallies_of(lake: Lake, evaluation_ids: Sequence[str]) -> Tallies:
             f"comparison: evaluations {', '.join(evaluation_ids)} did not walk the same courses; "
             "take those of one evaluation.seed and number of rollouts"
         )
-    return Tallies.stacked(seeds)
+    return Tallies.stacked(seeds, courses.pop())

@@ -185,7 +185,7 @@ def record(
     folder, metrics = workspace.models.folder(job.model_id), training_log.best_metrics(model)
     experiment, parent = place
     # A driver that was killed here before has left the run of this model half made.
-    with workspace.tracker.resumed(
+    with workspace.tracker.run(
         experiment,
         job.label,
         training_log.model_params(job.model, job.optimizer, data),

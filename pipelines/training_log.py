@@ -40,7 +40,7 @@ def sweep_run(
         "configuration": digest,
     }
     name = f"sweep-{data.dataset_id}-{digest}"
-    return workspace.tracker.resumed(experiment, name, params, tags, identity=name)
+    return workspace.tracker.run(experiment, name, params, tags, identity=name)
 
 
 def model_params(

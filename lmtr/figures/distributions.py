@@ -172,9 +172,7 @@ def _draw(
     axes.plot(
         centres,
         density,
-        color=style.colour,
-        linestyle=style.line,
-        marker=style.marker,
+        **style.drawn,
         markersize=3.6,
         linewidth=1.7,
         label=label,

@@ -106,9 +106,7 @@ def _draw(axes: Axes, curve: Curve, name: str, style: SeriesStyle) -> None:
     axes.plot(
         x,
         value,
-        color=style.colour,
-        linestyle=style.line,
-        marker=style.marker,
+        **style.drawn,
         markersize=4.5,
         markeredgewidth=0.0,
         linewidth=2.0,

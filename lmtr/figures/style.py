@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
-from typing import ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 import matplotlib
 from matplotlib.figure import Figure
@@ -96,6 +96,11 @@ class SeriesStyle:
     colour: str
     marker: str
     line: str | tuple[int, tuple[float, ...]]
+
+    @property
+    def drawn(self) -> dict[str, Any]:
+        """The same as arguments of Matplotlib's ``plot``."""
+        return {"color": self.colour, "linestyle": self.line, "marker": self.marker}
 
 
 Styles = Mapping[str, SeriesStyle]

@@ -173,9 +173,7 @@ def _draw_series(
     axes.plot(
         places,
         means,
-        color=style.colour,
-        linestyle=style.line,
-        marker=style.marker,
+        **style.drawn,
         markersize=6.0,
         markeredgecolor="white",
         markeredgewidth=0.8,

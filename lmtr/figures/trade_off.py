@@ -106,9 +106,7 @@ def _draw_series(
     best = [ordered[k] for k in front]
     axes.plot(
         *rates[front].T,
-        color=style.colour,
-        linestyle=style.line,
-        marker=style.marker,
+        **style.drawn,
         markersize=6.5,
         markeredgecolor="white",
         markeredgewidth=0.8,

@@ -32,12 +32,22 @@ class Tallies:
     """Sums of one replanner at one w, by name: (S, C), training seeds by courses.
 
     A replanner without a training seed, such as the library, has S = 1.
+
+    Attributes:
+        sums: By name, (S, C) each.
+        courses: Seed and index of each course, by which two replanners are told to have walked the
+            same ones; empty where they are not known.
     """
 
     sums: Mapping[str, Array]
+    courses: tuple[tuple[int, int], ...] = ()
 
     @classmethod
-    def stacked(cls, seeds: Sequence[Sequence[Mapping[str, float]]]) -> Self:
+    def stacked(
+        cls,
+        seeds: Sequence[Sequence[Mapping[str, float]]],
+        courses: tuple[tuple[int, int], ...] = (),
+    ) -> Self:
         """Of one list per training seed, each with the sums of every course in the same order.
 
         Sums that were not made yet when one of them was evaluated are NaN, and so is what is made
@@ -46,7 +56,7 @@ class Tallies:
         Raises:
             DataError: There are none, or seeds have different numbers of courses.
         """
-        counts = sorted({len(courses) for courses in seeds})
+        counts = sorted({len(walked) for walked in seeds})
         if len(counts) != 1 or counts[0] == 0:
             raise DataError(
                 f"comparison: every training seed must have walked the same courses, got numbers "
@@ -54,7 +64,8 @@ class Tallies:
             )
         nan = float("nan")
         return cls(
-            {n: np.array([[row.get(n, nan) for row in rows] for rows in seeds]) for n in NAMES}
+            {n: np.array([[row.get(n, nan) for row in rows] for rows in seeds]) for n in NAMES},
+            courses,
         )
 
     @property
@@ -128,7 +139,7 @@ def ratio(a: Tallies, b: Tallies, rate: str, seed: int = 0, resolution: float = 
             that the ratio is a lower bound; :func:`least_share` for shares.
 
     Raises:
-        DataError: The two did not walk the same number of courses.
+        DataError: The two did not walk the same courses.
     """
     seeds_a, seeds_b, courses = _draws([a], [b], seed)
     drawn = _bounded(a.drawn(rate, seeds_a, courses), b.drawn(rate, seeds_b, courses), resolution)
@@ -225,7 +236,8 @@ def _draws(a: Sequence[Tallies], b: Sequence[Tallies], seed: int) -> tuple[Array
     """How often each seed of A and of B, and each course of both, was drawn: (R, …) each."""
     shapes_a, shapes_b = ({each.shape for each in front} for front in (a, b))
     courses = {shape[1] for shape in shapes_a | shapes_b}
-    if len(shapes_a) != 1 or len(shapes_b) != 1 or len(courses) != 1:
+    walked = {each.courses for each in (*a, *b) if each.courses}
+    if len(walked) > 1 or len(shapes_a) != 1 or len(shapes_b) != 1 or len(courses) != 1:
         raise DataError(
             "comparison: both replanners must have walked the same courses with the same seeds at "
             f"every w, got (seeds, courses) {sorted(shapes_a)} and {sorted(shapes_b)}; evaluate "

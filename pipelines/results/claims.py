@@ -51,12 +51,9 @@ MISSING = Answer("–", None, NOT_EVALUATED)
 
 def claims_chapter(groups: Groups) -> Chapter:
     """The paper's claims, answered."""
-    rows = [
-        Row([claim, paper, a.ours, a.found, a.verdict], a.ids)
-        for claim, paper, answer in _CLAIMS
-        for a in answer(groups)
-    ]
-    table = Table(
+    table = _answered(
+        groups,
+        _CLAIMS,
         "claims",
         "The paper's claims. A ratio has its 95 % interval by paired bootstrap over courses and "
         "training seeds. A claim about a ratio holds if the whole interval does, and its "
@@ -65,28 +62,39 @@ def claims_chapter(groups: Groups) -> Chapter:
         "Where no n is named by the claim, LMTR is the plain one with the fewest close steps on "
         "these courses, which makes it look a little better than it is.",
         ["claim", "paper", "ours", "ratio (×)", "verdict"],
-        rows,
     )
     return Chapter("The paper's claims", [table])
 
 
 def targets_chapter(groups: Groups) -> Chapter:
     """The study's targets with what was measured."""
-    rows = [
-        Row([name, target, a.ours, a.found, a.verdict], a.ids)
-        for name, target, answer in _TARGETS
-        for a in answer(groups)
-    ]
-    table = Table(
+    table = _answered(
+        groups,
+        _TARGETS,
         "targets",
         "Targets of the study. Along a front the least ratio of all levels is named. Where one "
         "plain LMTR stands for all, it is that with the fewest close footholds at the reported w. "
         "What is called best was chosen on the courses that it is reported on, among all n, "
         "policies and w's, which makes it look a little better than it is.",
         ["figure", "target", "ours", "measured", "verdict"],
-        rows,
     )
     return Chapter("Targets", [table])
+
+
+def _answered(
+    groups: Groups,
+    questions: "Sequence[tuple[str, str, Answering]]",
+    stem: str,
+    caption: str,
+    headers: list[str],
+) -> Table:
+    """A row for each answer to each question, beside what is expected."""
+    rows = [
+        Row([question, expected, a.ours, a.found, a.verdict], a.ids)
+        for question, expected, answer in questions
+        for a in answer(groups)
+    ]
+    return Table(stem, caption, headers, rows)
 
 
 def at_least(found: Measure | Ratio, least: float) -> str:

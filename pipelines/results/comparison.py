@@ -9,7 +9,7 @@ from lmtr.figures.trade_off import TradeOff, trade_off_figure
 from lmtr.rollout.settings import Criteria
 from pipelines.results.blocks import Block, Chapter, Illustration, Measure, Missing, Row, Table
 from pipelines.results.groups import Group, Groups, pooled
-from pipelines.results.measures import MEASURES, Measured
+from pipelines.results.measures import MEASURES, PHYSICS, Measured
 from pipelines.trials import EXPERT
 from pipelines.workspace import Workspace
 
@@ -41,6 +41,7 @@ def comparison_chapter(workspace: Workspace, groups: Groups, criteria: Criteria)
     if groups.every:
         blocks += [
             replanner_table(groups),
+            physics_table(groups),
             *distributions(workspace, groups, criteria),
             *fronts(groups),
             *over_latent(groups),
@@ -51,6 +52,7 @@ def comparison_chapter(workspace: Workspace, groups: Groups, criteria: Criteria)
 
 def replanner_table(groups: Groups) -> Table:
     """Every replanner and policy at the reported w."""
+    walking = [each for name, each in MEASURES.items() if name not in PHYSICS]
     return Table(
         "replanners",
         "Every replanner and policy at the w that is reported, with 95 % intervals by bootstrap "
@@ -61,7 +63,7 @@ def replanner_table(groups: Groups) -> Table:
             "w (χ_base, χ_feet, η, γ)",
             "seeds",
             "rollouts",
-            *(f"{m.name} ({m.unit})" for m in MEASURES.values()),
+            *(f"{m.name} ({m.unit})" for m in walking),
             "falls",
             "plan (µs)",
             "memory (MB)",
@@ -73,10 +75,38 @@ def replanner_table(groups: Groups) -> Table:
                     group.in_words,
                     group.tallies.shape[0],
                     group.rollouts,
-                    *(m.measure(group) for m in MEASURES.values()),
+                    *(m.measure(group) for m in walking),
                     group.falls,
                     1e6 * group.summary("plan_seconds"),
                     1e-6 * group.summary("nbytes"),
+                ],
+                group.ids,
+            )
+            for group in groups.shown
+        ],
+    )
+
+
+def physics_table(groups: Groups) -> Table:
+    """Whether the planned forces explain the motion that is carried out, and can be had."""
+    return Table(
+        "physics",
+        "Planned forces against the motion carried out, of the same rollouts: what they leave "
+        "unexplained (mean, and 95th percentile of all samples), and standing feet whose force "
+        "is outside the friction pyramid, or pulls.",
+        [
+            "replanner",
+            *(f"{MEASURES[name].name} ({MEASURES[name].unit})" for name in PHYSICS),
+            "linear residual, 95 % below (m/s²)",
+            "angular residual, 95 % below (rad/s²)",
+        ],
+        [
+            Row(
+                [
+                    group.name,
+                    *(MEASURES[name].measure(group) for name in PHYSICS),
+                    group.summary("linear_residual_p95"),
+                    group.summary("angular_residual_p95"),
                 ],
                 group.ids,
             )

@@ -52,6 +52,17 @@ MEASURES = {
         Measured("linear_residual", "linear residual", "Linear balance", "m/s²", 1.0),
         Measured("angular_residual", "angular residual", "Angular balance", "rad/s²", 1.0),
         Measured("friction_share", "outside friction", "Friction", "%", 100.0),
+        Measured("mean_friction_excess", "friction excess", "Friction", "weights", 1.0),
+        Measured("pull_share", "pulling feet", "Pull", "%", 100.0),
     )
 }
 """By name of the rate, in the order of tables."""
+
+PHYSICS = (
+    "linear_residual",
+    "angular_residual",
+    "friction_share",
+    "mean_friction_excess",
+    "pull_share",
+)
+"""Rates that tell whether planned forces and motion agree; the others tell how it walks."""

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from mlflow import MlflowClient
 
 
+IDENTITY = "identity"
+"""Tag by which a run is found to go on with."""
+
 NOISY_LOGGERS = (
     "alembic",
     "mlflow.models.model",
@@ -64,6 +67,7 @@ class Tracker:
         name: str,
         params: Mapping[str, object],
         tags: Mapping[str, str],
+        identity: str | None = None,
         parent: str | None = None,
         began: float | None = None,
     ) -> Iterator[Run]:
@@ -72,64 +76,49 @@ class Tracker:
         Args:
             experiment_id: From :meth:`experiment`.
             name: What people call it.
-            params: What was chosen; nested mappings become dotted keys.
-            tags: What it is found by.
-            parent: Id of the run that it belongs to.
-            began: When its work began (s since 1970); now by default.
-        """
-        with reported(f"run {name!r}"):
-            made = self._client.create_run(
-                experiment_id,
-                start_time=None if began is None else int(began * 1000),
-                tags={**tags, **_links(parent)},
-                run_name=name,
-            )
-            run = Run(self._client, made.info.run_id)
-        with self._ended(run, name):
-            with reported(f"run {name!r}"):
-                run.params(flat(params))
-            yield run
-
-    @contextmanager
-    def resumed(
-        self,
-        experiment_id: str,
-        name: str,
-        params: Mapping[str, object],
-        tags: Mapping[str, str],
-        identity: str,
-        parent: str | None = None,
-        began: float | None = None,
-    ) -> Iterator[Run]:
-        """The run of this identity, which goes on, or else a new one; ends like :meth:`run`.
-
-        Args:
-            experiment_id: From :meth:`experiment`.
-            name: What people call it.
-            params: What was chosen; those that are recorded already stay.
-            tags: What it is found by; set anew each time.
-            identity: What tells it from other runs; kept as tag ``identity``.
+            params: What was chosen; nested mappings become dotted keys. What a run that goes on
+                has recorded already stays.
+            tags: What it is found by; set anew in a run that goes on.
+            identity: What tells it from other runs, kept as tag ``identity``: if there is a run of
+                it, that one goes on. None begins a new run.
             parent: Id of the run that it belongs to from now on.
-            began: When its work began (s since 1970), if it is new; now by default.
+            began: When the work of a new run began (s since 1970); now by default.
         """
+        own = {} if identity is None else {IDENTITY: identity}
+        tags = {**tags, **_links(parent), **own}
         with reported(f"run {name!r}"):
-            found = self._client.search_runs(
-                [experiment_id], f"tags.identity = '{identity}'", max_results=1
+            run, known = self._going_on(experiment_id, identity, tags) or self._begun(
+                experiment_id, name, tags, began
             )
-        if not found:
-            tags = {**tags, "identity": identity}
-            with self.run(experiment_id, name, params, tags, parent, began) as run:
-                yield run
-            return
-        run = Run(self._client, found[0].info.run_id)
-        with reported(f"run {name!r}"):
-            self._client.update_run(run.id, status="RUNNING")
-            for key, value in {**tags, **_links(parent)}.items():
-                run.tag(key, value)
         with self._ended(run, name):
             with reported(f"run {name!r}"):
-                run.params(flat(params), known=set(found[0].data.params))
+                run.params(flat(params), known)
             yield run
+
+    def _going_on(
+        self, experiment_id: str, identity: str | None, tags: Mapping[str, str]
+    ) -> tuple[Run, set[str]] | None:
+        """The run of an identity under way again, and the parameters it has; None without one."""
+        if identity is None:
+            return None
+        wanted = f"tags.{IDENTITY} = '{identity}'"
+        found = self._client.search_runs([experiment_id], wanted, max_results=1)
+        if not found:
+            return None
+        run = Run(self._client, found[0].info.run_id)
+        self._client.update_run(run.id, status="RUNNING")
+        for key, value in tags.items():
+            run.tag(key, value)
+        return run, set(found[0].data.params)
+
+    def _begun(
+        self, experiment_id: str, name: str, tags: Mapping[str, str], began: float | None
+    ) -> tuple[Run, set[str]]:
+        start = None if began is None else int(began * 1000)
+        made = self._client.create_run(
+            experiment_id, start_time=start, tags=dict(tags), run_name=name
+        )
+        return Run(self._client, made.info.run_id), set()
 
     @property
     def registry(self) -> Registry:

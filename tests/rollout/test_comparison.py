@@ -142,6 +142,13 @@ def test_intervals_along_the_front_enclose_and_repeat():
 def test_replanners_that_walked_different_courses_are_refused():
     with pytest.raises(DataError, match="same courses"):
         ratio(tallies(np.ones(3)), tallies(np.ones(4)), "mean_violation")
+    one, other = (
+        Tallies(tallies(np.ones(3)).sums, tuple((seed, index) for index in range(3)))
+        for seed in (0, 1)
+    )
+    assert ratio(one, one, "mean_violation").value == 1.0
+    with pytest.raises(DataError, match="same courses"):
+        ratio(one, other, "mean_violation")
     with pytest.raises(DataError, match="same courses"):
         at_equal_avoidance([], [tallies(np.ones(4))], np.array([0.1]))
     with pytest.raises(DataError, match="same courses"):

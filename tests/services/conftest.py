@@ -10,6 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 from deltalake import write_deltalake
 
+from services.cluster import Cluster
 from services.lake.digest import sealed
 from services.lake.inspection import data_files
 from services.lake.log import entry_path
@@ -185,3 +186,26 @@ class Damage:
 def damage(full: Lake) -> Damage:
     """Damage to the lake ``full``."""
     return Damage(full)
+
+
+@pytest.fixture(scope="module")
+def ray_on_this_machine():
+    """A Ray of two cores that clusters of the module's tests share."""
+    with Cluster.connect(workers=2) as cluster:
+        yield cluster
+
+
+@pytest.fixture
+def two(ray_on_this_machine):
+    """A cluster of two workers on that Ray."""
+    with Cluster.connect(workers=2) as cluster:
+        yield cluster
+
+
+@pytest.fixture(params=[0, 2])
+def cluster(request):
+    """The same behaviour in this process and on Ray."""
+    if request.param:
+        request.getfixturevalue("ray_on_this_machine")
+    with Cluster.connect(workers=request.param) as cluster:
+        yield cluster

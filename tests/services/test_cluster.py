@@ -26,22 +26,6 @@ def ray_on_this_machine():
     assert os.path.exists(token) == before
 
 
-@pytest.fixture
-def two(ray_on_this_machine):
-    """A cluster of two workers, which shares the Ray that runs already."""
-    with Cluster.connect(workers=2) as cluster:
-        yield cluster
-
-
-@pytest.fixture(params=[0, 2])
-def cluster(request):
-    """The same behaviour in this process and on Ray."""
-    if request.param:
-        request.getfixturevalue("ray_on_this_machine")
-    with Cluster.connect(workers=request.param) as cluster:
-        yield cluster
-
-
 def squaring():
     """Workers whose code needs no import on the other side."""
 

@@ -10,31 +10,9 @@ import time
 
 import pytest
 
-from services.cluster import Cluster
 from services.cluster.batches import Sizer
 from services.cluster.delivery import Kept, Made, Order, Rhythm, Trouble
 from services.errors import ClusterError, LakeError
-
-
-@pytest.fixture(scope="module")
-def ray_on_this_machine():
-    with Cluster.connect(workers=2) as cluster:
-        yield cluster
-
-
-@pytest.fixture
-def two(ray_on_this_machine):
-    with Cluster.connect(workers=2) as cluster:
-        yield cluster
-
-
-@pytest.fixture(params=[0, 2])
-def cluster(request):
-    """The same behaviour in this process and on Ray."""
-    if request.param:
-        request.getfixturevalue("ray_on_this_machine")
-    with Cluster.connect(workers=request.param) as cluster:
-        yield cluster
 
 
 def worker(work):

@@ -9,23 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from services.cluster import Cluster, Sweep, Trial
+from services.cluster import Sweep, Trial
 from services.cluster.sweep import gpu_share
 from services.errors import ClusterError
-
-
-@pytest.fixture(scope="module")
-def ray_on_this_machine():
-    with Cluster.connect(workers=2) as cluster:
-        yield cluster
-
-
-@pytest.fixture(params=[0, 2])
-def cluster(request):
-    if request.param:
-        request.getfixturevalue("ray_on_this_machine")
-    with Cluster.connect(workers=request.param) as cluster:
-        yield cluster
 
 
 def fitted(config, data, report):

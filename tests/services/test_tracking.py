@@ -108,19 +108,19 @@ def test_runs_can_belong_to_a_run(tracker, reader):
 def test_a_run_goes_on_where_its_process_was_killed(tracker, reader):
     experiment, identity = tracker.experiment("gone on with"), "model-7"
     asked = (experiment, "seven", {"latent": 6, "odd[key]": 1}, {"stage": "train"}, identity)
-    with tracker.resumed(*asked, parent="first", began=12.5) as run:
+    with tracker.run(*asked, parent="first", began=12.5) as run:
         run.metrics([("loss", 1.0, 0)])
     # What a process leaves that is killed before it has recorded all parameters.
     other = (experiment, "seven", {"latent": 7, "kappa": 0.5, "odd[key]": 2}, {"stage": "again"})
     reader.update_run(run.id, status="RUNNING")
-    with tracker.resumed(*other, identity, parent="second") as again:
+    with tracker.run(*other, identity, parent="second") as again:
         assert again.id == run.id
     found = reader.get_run(run.id)
     assert (found.info.status, found.info.start_time) == ("FINISHED", 12_500)
     assert found.data.params == {"latent": "6", "odd_key_": "1", "kappa": "0.5"}
     assert found.data.tags["stage"] == "again"
     assert found.data.tags["mlflow.parentRunId"] == "second"
-    with tracker.resumed(*other, "model-8") as new:
+    with tracker.run(*other, "model-8") as new:
         assert new.id != run.id
 
 
