@@ -31,7 +31,7 @@ def comparison_section(evaluations: Sequence[Evaluation], expert: Evaluation) ->
                 ),
                 "Left: closest foothold of each foot to each line crossed. Right: how far "
                 f"contacting feet leave the ±{criteria.forward_limit:g} m forward range of motion "
-                "(zoomed in). The expert on its own tasks is the line of reference.",
+                "(on a logarithmic axis). The expert on its own tasks is the line of reference.",
                 "Densities of closest foothold distance and of range-of-motion violation.",
             ),
             Picture(

@@ -2,15 +2,11 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from lmtr.figures.learning import learning_figure
-from lmtr.figures.modes import Colouring, modes_figure
+from lmtr.figures.mode_properties import segment_properties
+from lmtr.figures.modes import modes_figure
 from lmtr.models.data import TrainingData
 from lmtr.models.trained import TrainedModel
-from lmtr.robot.model import FEET
-from lmtr.trajectory.sample import sample_base
-from lmtr.vectors.layout import SEGMENT_DURATION
 from lmtr.vectors.segment_vector import decode_segment
 from pipelines import records
 from pipelines.report.page import Cell, Picture, Section, Table
@@ -76,24 +72,10 @@ def _modes(models: Sequence[tuple[str, TrainedModel]], validation: TrainingData)
     if model.latent < 2:
         return []
     mu, _ = model.encode(validation.tau, validation.x)
-    segments = decode_segment(validation.tau)
-    strides = np.linalg.norm(segments.footholds[:, :, 1] - segments.footholds[:, :, 0], axis=-1)
-    ends = np.broadcast_to([0.0, SEGMENT_DURATION], (len(mu), 2))
-    base = sample_base(segments, ends)
-    change_of_rpy = base.rpy[:, 1] - base.rpy[:, 0]
-    climb = base.position[:, 1] - base.position[:, 0]
-    colourings = [
-        *(
-            Colouring(f"stride of {foot} (m)", strides[:, number])
-            for number, foot in enumerate(FEET[:2])
-        ),
-        Colouring("change of yaw (rad)", change_of_rpy[:, -1]),
-        Colouring("change of height (m)", climb[:, -1]),
-    ]
     return [
         Picture(
             "modes",
-            modes_figure(mu, colourings),
+            modes_figure(mu, segment_properties(decode_segment(validation.tau))),
             f"Modes z of the validation segments, as the encoder of {label} sees them, in its "
             "dimensions of largest variance.",
             f"Scatter of modes of {label}, coloured by properties of their segments.",

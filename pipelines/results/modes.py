@@ -1,18 +1,15 @@
 """The space of modes (Fig. 2): what it stores, and what one task becomes in several modes."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from lmtr.arrays import Array, Indices
+from lmtr.figures.mode_properties import segment_properties
 from lmtr.figures.modes import NEIGHBOURHOOD_COLOURS, Colouring, modes_figure
 from lmtr.figures.strategies import Strategies, strategies_figure
 from lmtr.models.mode_content import choice_explained, variance_explained
 from lmtr.models.trained import TrainedModel
 from lmtr.policies.distance import TaskWeights
 from lmtr.policies.nearest_neighbour import TaskIndex
-from lmtr.trajectory.nodes import HEIGHT, YAW
-from lmtr.trajectory.trajectory import Trajectory
 from lmtr.vectors.layout import TASK_LAYOUT
 from lmtr.vectors.segment_vector import decode_segment
 from pipelines.learning_data import LearningData
@@ -28,29 +25,6 @@ CANDIDATES = 400
 """Tasks among which they are looked for."""
 
 
-@dataclass(frozen=True)
-class Property:
-    """A property of segments.
-
-    Attributes:
-        label: Its name with its unit.
-        values: (N,); indices of feet if ``is_foot``.
-        is_foot: Whether values are feet.
-        signed: Whether its sign matters.
-    """
-
-    label: str
-    values: Array
-    is_foot: bool = False
-    signed: bool = False
-
-    def explained(self, modes: Array) -> float:
-        """How much of it the mode tells, from 0 to 1."""
-        if self.is_foot:
-            return choice_explained(modes, self.values.astype(np.intp))
-        return variance_explained(modes, self.values)
-
-
 def modes_chapter(
     models: dict[str, TrainedModel], data: LearningData, weights: TaskWeights
 ) -> Chapter:
@@ -63,7 +37,7 @@ def modes_chapter(
     """
     own = len(data.training.x) // (2 if data.mirrored else 1)
     x, tau = data.training.x[:own], data.training.tau[:own]
-    described = properties(decode_segment(tau))
+    described = segment_properties(decode_segment(tau))
     shown = min(models.values(), key=lambda model: abs(model.latent - 3))
     modes, _ = shown.encode(tau, x)
     rows = _neighbourhoods(x, modes, shown, weights)
@@ -72,7 +46,7 @@ def modes_chapter(
             "modes",
             modes_figure(
                 modes,
-                [Colouring(p.label, p.values, p.is_foot, p.signed) for p in described],
+                described,
                 neighbourhoods=[modes[near] for near in rows],
             ),
             f"Fig. 2. Modes of the expert's segments as the encoder of {shown.settings.name} sees "
@@ -93,32 +67,15 @@ def modes_chapter(
     return Chapter("The space of modes", blocks)
 
 
-def properties(segments: Trajectory) -> list[Property]:
-    """What Fig. 2 colours modes by.
-
-    Args:
-        segments: Batch (N).
-    """
-    strides = np.linalg.norm(segments.footholds[:, :, -1] - segments.footholds[:, :, 0], axis=-1)
-    change = segments.base_nodes[:, -1, 0] - segments.base_nodes[:, 0, 0]
-    return [
-        Property("stride of LF (m)", strides[:, 0]),
-        Property("stride of RF (m)", strides[:, 1]),
-        Property("change of yaw (deg)", np.degrees(change[:, YAW]), signed=True),
-        Property("change of height (mm)", 1e3 * change[:, HEIGHT], signed=True),
-        Property("foot that lifts first", segments.liftoff_times[:, :, 0].argmin(axis=1), True),
-    ]
-
-
 def _content_table(
-    models: dict[str, TrainedModel], x: Array, tau: Array, described: list[Property]
+    models: dict[str, TrainedModel], x: Array, tau: Array, described: list[Colouring]
 ) -> Table:
     rows = []
     for model_id, model in models.items():
         modes, _ = model.encode(tau, x)
         rows.append(
             Row(
-                [model.settings.name, *(100.0 * p.explained(modes) for p in described)],
+                [model.settings.name, *(100.0 * _explained(p, modes) for p in described)],
                 [model_id],
             )
         )
@@ -130,6 +87,13 @@ def _content_table(
         ["model", *(f"{p.label.split(' (')[0]} (%)" for p in described)],
         rows,
     )
+
+
+def _explained(described: Colouring, modes: Array) -> float:
+    """How much of a property the mode tells, from 0 to 1."""
+    if described.is_foot:
+        return choice_explained(modes, described.values.astype(np.intp))
+    return variance_explained(modes, described.values)
 
 
 def _neighbourhoods(
