@@ -37,8 +37,9 @@ UP = "sleep"
 SUPERVISED = 'until [ -e "$0" ]; do "$@" || true; sleep 1; done'
 """Start Ray again whenever it ends, as a supervisor does, until a file says not to."""
 
-PATIENCE_S = 60.0
-"""A host that is not up after so long never will be."""
+PATIENCE_S = 240.0
+"""A host that is not up after so long never will be. Ray gives a node 30 s to start, which a busy
+machine may exceed; its supervisor then starts it again."""
 
 
 @dataclass
