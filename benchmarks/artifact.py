@@ -1,8 +1,9 @@
 """Disk and memory of a saved replanner, and its time from the process that uses it.
 
 Run: ``python -m benchmarks.artifact``. Data and networks as in :mod:`benchmarks.planner`: 25,000
-rows, the paper's layers. Memory is what a fresh process holds resident (Linux): what importing the
-planner's code adds to NumPy, and what loading a replanner and planning with it adds to that.
+rows, the paper's layers. Memory is what a fresh process holds resident beyond NumPy (Linux): as data
+what loading a replanner and planning with it allocates, as code what importing the planner adds and
+the pages of shared libraries that planning touches.
 """
 
 import json
@@ -29,16 +30,17 @@ import numpy as np
 
 def resident():
     with open("/proc/self/status") as status:
-        return next(int(line.split()[1]) for line in status if line.startswith("VmRSS")) / 1e3
+        kB = dict(line.split()[:2] for line in status if line.startswith("Rss"))
+    return int(kB["RssAnon:"]) / 1e3, int(kB["RssFile:"]) / 1e3
 
-at = [resident()]
 from pathlib import Path
+x = np.load(sys.argv[2], mmap_mode="r")
+at = [resident()]
 from lmtr.replanners import artifact
 at.append(resident())
 begun = perf_counter()
 replanner = artifact.load(Path(sys.argv[1]))
 loading = perf_counter() - begun
-x = np.load(sys.argv[2], mmap_mode="r")
 taken = []
 for row in range(100 + len(x)):
     task = np.array(x[row % len(x)])[None]
@@ -47,7 +49,9 @@ for row in range(100 + len(x)):
     if row >= 100:
         taken.append(1e3 * (perf_counter() - begun))
 at.append(resident())
-print(json.dumps([*np.diff(at), 1e3 * loading, np.median(taken), np.percentile(taken, 99)]))
+(imported, library), (own, used) = np.diff(at, axis=0)
+code = imported + library + used
+print(json.dumps([code, own, 1e3 * loading, np.median(taken), np.percentile(taken, 99)]))
 """
 
 
