@@ -1,9 +1,9 @@
 """Disk and memory of a saved replanner, and its time from the process that uses it.
 
 Run: ``python -m benchmarks.artifact``. Data and networks as in :mod:`benchmarks.planner`: 25,000
-rows, the paper's layers. Memory is what a fresh process holds resident beyond NumPy (Linux): as data
-what loading a replanner and planning with it allocates, as code what importing the planner adds and
-the pages of shared libraries that planning touches.
+rows, the paper's layers. Memory is what a fresh process holds resident beyond NumPy (Linux): as
+data what loading a replanner and planning with it allocates, as code what importing the planner
+adds and the pages of shared libraries that planning touches.
 """
 
 import json
