@@ -168,5 +168,5 @@ def _result(summary: ReplannerSummary) -> str:
     found = summary.performance
     return (
         f"{100 * found.close_share.value:.1f} % close steps, "
-        f"{1e3 * found.mean_violation.value:.2f} mm violation, {summary.diverged} diverged"
+        f"{1e3 * found.mean_violation.value:.3f} mm violation, {summary.diverged} diverged"
     )

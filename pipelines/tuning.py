@@ -85,7 +85,7 @@ def _tell(
         close, violation = points[number]
         say(
             f"evaluate:   w={in_words(tried[number].weights)}: {100 * close:.1f} % close steps, "
-            f"{1e3 * violation:.2f} mm violation on the tuning courses"
+            f"{1e3 * violation:.3f} mm violation on the tuning courses"
         )
 
 

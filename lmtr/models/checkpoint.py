@@ -31,7 +31,7 @@ from lmtr.vectors.scaling import Standardiser
 
 Tensors = dict[str, NDArray[Any]]
 
-FORMAT = 1
+FORMAT = 2
 """Version of the folder's contents."""
 
 WEIGHTS = "weights.safetensors"

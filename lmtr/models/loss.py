@@ -1,6 +1,6 @@
 """The training loss of the CVAE (Eq. 5)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import torch
@@ -12,7 +12,7 @@ class Loss:
     """Eq. 5 and its two parts, as means over a batch; scalars.
 
     Attributes:
-        total: ℒ, the reconstruction error plus κ times the divergence.
+        total: ℒ, the reconstruction error plus κ times the divergence, and what else is minimised.
         reconstruction: L1 error of the standardised τ, by mean or sum over its dimensions.
         kl: Divergence of the encoder's modes from the prior (nats), summed over dimensions.
     """
@@ -20,6 +20,10 @@ class Loss:
     total: Tensor
     reconstruction: Tensor
     kl: Tensor
+
+    def plus(self, weight: float, error: Tensor) -> "Loss":
+        """With another error (scalar) in the total."""
+        return replace(self, total=torch.add(self.total, error, alpha=weight))
 
 
 def gaussian_kl(mu: Tensor, log_variance: Tensor) -> Tensor:

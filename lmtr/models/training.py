@@ -16,6 +16,7 @@ from torch import Generator, Tensor
 from lmtr.errors import ConfigurationError, ModelError
 from lmtr.models.cvae import CVAE, normal_like
 from lmtr.models.data import TrainingData
+from lmtr.models.epoch_feet import EpochFeet
 from lmtr.models.latent import active_dimensions
 from lmtr.models.loss import Loss, cvae_loss
 from lmtr.models.networks import as_perceptron, torch_threads
@@ -73,6 +74,7 @@ def train(
             training_settings,
             _Batch.of(training, task_scaling, segment_scaling, device),
             weights,
+            EpochFeet(segment_scaling, device),
         )
         judge = _Judge(
             _Batch.of(validation, task_scaling, segment_scaling, device),
@@ -177,9 +179,10 @@ class _Fit:
         training: TrainingSettings,
         data: _Batch,
         weights: Tensor,
+        feet: EpochFeet,
     ) -> None:
         self.settings, self._training, self._data = settings, training, data
-        self._weights = weights
+        self._weights, self._feet = weights, feet
         device = data.x.device
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(training.seed)
@@ -226,9 +229,9 @@ class _Fit:
         return loss
 
     def loss(self, batch: _Batch, noise: Generator) -> Loss:
-        """Eq. 5 of a batch with the present weights."""
+        """Eq. 5 of a batch with the present weights, and how far its feet start from the truth."""
         out = self.cvae(batch.tau, batch.x, noise)
-        return cvae_loss(
+        loss = cvae_loss(
             batch.tau,
             out.tau_hat,
             out.mu,
@@ -237,6 +240,8 @@ class _Fit:
             self.settings.reduction,
             self._weights,
         )
+        start = self.settings.loss_weights.start
+        return loss.plus(start, self._feet.error(batch.tau, out.tau_hat)) if start else loss
 
 
 @dataclass(frozen=True)

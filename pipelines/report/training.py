@@ -34,6 +34,7 @@ def training_section(
                 look.errors.times_ms,
                 look.errors.second_foothold_mm,
                 look.errors.forces_weights,
+                look.errors.epoch_feet_mm,
             ]
         )
     return Section(
@@ -58,6 +59,7 @@ def training_section(
                     "times (ms)",
                     "next foothold (mm)",
                     "forces (weights)",
+                    "feet at the epoch (mm)",
                 ],
                 rows,
             ),

@@ -19,6 +19,7 @@ QUANTITIES = (
     ("times_ms", "times", "ms"),
     ("second_foothold_mm", "next foothold", "mm"),
     ("forces_weights", "forces", "weights"),
+    ("epoch_feet_mm", "feet at the epoch", "mm"),
     ("kl", "KL", "nats"),
     ("active_dimensions", "active dimensions", "–"),
 )

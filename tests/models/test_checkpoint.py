@@ -79,7 +79,7 @@ def test_a_missing_file_is_named(folder, name):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda d: d.update(format=99), "format 1, got 99"),
+        (lambda d: d.update(format=99), "format 2, got 99"),
         (lambda d: d["layouts"].pop("segment"), "segment"),
         (lambda d: d["settings"].update(hidden=[16, 25]), "layer 1 of the encoder|layer 0"),
         (lambda d: d["settings"].update(kappa=-1.0), "kappa"),
