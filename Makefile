@@ -43,10 +43,10 @@ types: install
 	$(BIN)/mypy
 
 test-fast: install
-	$(BIN)/pytest -m "not slow" -n 2 --dist loadfile
+	$(BIN)/pytest -m "not slow" -n 2 --dist loadfile --durations=15
 
 test-slow: install  ## The tests that take minutes
-	$(BIN)/pytest -m slow
+	$(BIN)/pytest -m slow --durations=15
 
 format: install  ## Format the code
 	$(BIN)/ruff check --fix .

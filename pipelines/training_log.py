@@ -58,6 +58,7 @@ def model_params(
         "loss_times": weights.times,
         "loss_motion": weights.motion,
         "loss_forces": weights.forces,
+        "loss_start": weights.start,
         "hidden": "-".join(map(str, model.hidden)),
         "activation": model.activation,
         "task_noise": model.task_noise,
