@@ -103,8 +103,8 @@ class Cluster(ABC):
     ) -> Generator[Outcome[T, R], None, None]:
         """Work on items, and yield each one's outcome as it completes, in any order.
 
-        An item is taken from ``items`` only when a worker is free for it, so a consumer that
-        pauses pauses the workers. Every item that was taken comes back as exactly one outcome,
+        An item is taken from ``items`` only when a worker is free for it. Workers go on while an
+        outcome is consumed, for one item each; a consumer that pauses for longer pauses them. Every item that was taken comes back as exactly one outcome,
         unless the generator is closed before: then what is under way is given up.
 
         Args:

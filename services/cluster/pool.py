@@ -69,7 +69,10 @@ class ActorPool(Generic[T, R]):
                 if not self._running and not self._again and self._crew.idle:
                     return
                 for reference in self._crew.wait((), POLL_S):
-                    yield from self._settle(reference)
+                    settled = list(self._settle(reference))
+                    # Its worker goes on while the outcome is being kept.
+                    yield from self._assign(source)
+                    yield from settled
         finally:
             self._crew.close()
 

@@ -104,6 +104,20 @@ def test_items_are_taken_only_when_a_worker_is_free(cluster):
     stream.close()
 
 
+def test_a_worker_goes_on_while_its_last_outcome_is_being_kept(two, tmp_path):
+    def make():
+        return lambda item: (tmp_path / str(item)).touch()
+
+    stream = two.stream(make, range(9), in_flight=1)
+    assert next(stream).item == 0
+    patience = time.monotonic() + 60.0
+    while not (tmp_path / "1").exists() and time.monotonic() < patience:
+        time.sleep(0.02)
+    assert (tmp_path / "1").exists()
+    assert not (tmp_path / "2").exists()  # one item, no more
+    stream.close()
+
+
 def test_two_workers_are_two_single_threaded_processes_made_once(two, tmp_path):
     def make():
         calls = itertools.count()
