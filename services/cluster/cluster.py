@@ -104,8 +104,9 @@ class Cluster(ABC):
         """Work on items, and yield each one's outcome as it completes, in any order.
 
         An item is taken from ``items`` only when a worker is free for it. Workers go on while an
-        outcome is consumed, for one item each; a consumer that pauses for longer pauses them. Every item that was taken comes back as exactly one outcome,
-        unless the generator is closed before: then what is under way is given up.
+        outcome is consumed, for one item each; a consumer that pauses for longer pauses them.
+        Every item that was taken comes back as exactly one outcome, unless the generator is
+        closed before: then what is under way is given up.
 
         Args:
             make_worker: Makes a worker, once in each process, so that it may hold what is
