@@ -116,6 +116,11 @@ class Configuration(Settings):
         return fingerprint(self.segmentation, self.training.validation_share)
 
 
+def settings_digest(config: Configuration) -> str:
+    """Of all settings but the cluster's, which decide no number."""
+    return fingerprint(config.model_dump(mode="json", exclude={"cluster"}))
+
+
 def fingerprint(*parts: object) -> str:
     """Eight hexadecimal digits of a digest of settings and plain values."""
     plain = [

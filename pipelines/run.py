@@ -5,7 +5,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pipelines.config import Configuration
+from pipelines.config import Configuration, settings_digest
 from pipelines.evaluate import evaluate
 from pipelines.generate import generate
 from pipelines.invocation import command, short
@@ -50,7 +50,7 @@ def run(study: Study, workspace: Workspace) -> Path:
     Every stage skips what is done, so an interrupted run goes on where it stopped.
     """
     began = time.monotonic()
-    times = StageTimes(workspace.home.reports / study.name / STAGES)
+    times = stage_times(study, workspace)
     made = {}
     with ExitStack() as shared:
         if len(study.configurations) > 1 and workspace.cluster_settings.workers != 0:
@@ -84,6 +84,12 @@ def run(study: Study, workspace: Workspace) -> Path:
         'close FROM evaluations ORDER BY close"'
     )
     return page
+
+
+def stage_times(study: Study, workspace: Workspace) -> StageTimes:
+    """What the stages of a study took so far."""
+    digests = {name: settings_digest(config) for name, config in study.configurations.items()}
+    return StageTimes(workspace.home.reports / study.name / STAGES, digests)
 
 
 def _make(name: str, config: Configuration, workspace: Workspace, times: StageTimes) -> Made:

@@ -130,7 +130,7 @@ def draw_violations(
         totals = np.array([len(values) for values in rollouts], dtype=float) * VIOLATION_BIN
         values, told = pooled[name], shown is None or name in shown
         share = 100.0 * float(np.mean(values > 100.0 * severe))
-        label = f"{name}: mean {10 * values.mean():.2f} mm, {share:.2f} % over {100 * severe:g} cm"
+        label = f"{name}: mean {10 * values.mean():.2g} mm, {share:.2g} % over {100 * severe:g} cm"
         _draw(axes, counts, totals, edges, label, styles[name], told, log=True)
         highest = max(highest, float(counts.sum(axis=0).max() / totals.sum()))
         least = min(least, 1.0 / totals.sum())

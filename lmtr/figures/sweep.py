@@ -63,7 +63,7 @@ class SweepPanel:
         label: Label of the axis, with the unit.
         series: Curves; they may be empty of some values of the parameter.
         references: Horizontal lines.
-        log: Whether the axis is logarithmic, where all values are positive.
+        log: Whether the axis is logarithmic; zeros are then left out.
         target: A value to reach, drawn as a dashed line.
     """
 
@@ -141,7 +141,9 @@ def _draw_panel(axes: Axes, panel: SweepPanel, values: list[float], styles: Styl
     drawn += [reference.value for reference in panel.references]
     if not panel.drawn:
         raise DataError(f"sweep figure: panel {panel.title!r} has no finite value; leave it out")
-    if panel.log and np.nanmin(drawn) > 0.0:
+    positive = [y for y in drawn if y > 0.0]
+    if panel.log and positive:
+        axes.set_ylim(bottom=0.5 * min(positive))
         log_axis(axes, "y")
     else:
         _, top = axes.get_ylim()

@@ -220,10 +220,9 @@ def results(
     """
     from pipelines.results import found_parts
     from pipelines.results import results as write
-    from pipelines.run import STAGES
-    from pipelines.stage_times import StageTimes
+    from pipelines.run import stage_times
 
     study = options.study(config, overrides)
     space = options.workspace(ctx, home, study.base)
-    seconds = StageTimes(space.home.reports / study.name / STAGES).seconds
+    seconds = stage_times(study, space).seconds
     typer.echo(write(study.name, space, found_parts(study, space), seconds, films=films))

@@ -8,7 +8,7 @@ from lmtr.models.trained import TrainedModel
 from lmtr.policies.distance import TaskWeights
 from pipelines.config import Configuration
 from pipelines.datasets import configuration_of
-from pipelines.invocation import command, short
+from pipelines.invocation import short
 from pipelines.learning_data import learning_data
 from pipelines.progress import bar, say
 from pipelines.registry import load
@@ -64,7 +64,7 @@ def results(
     filmed = _films(workspace, base, groups[base.name], partial) if films else []
     with bar("Writing results", 1) as progress:
         chapters = [*_chapters(workspace, parts, groups, seconds or {}), Chapter("Films", filmed)]
-        write_page(f"Results: {name}", _lead(workspace, name, parts), chapters, partial)
+        write_page(f"Results: {name}", _lead(name, parts), chapters, partial)
         progress.advance(note=name)
     shutil.rmtree(folder, ignore_errors=True)
     partial.rename(folder)
@@ -129,9 +129,9 @@ def _modes(workspace: Workspace, base: Part, models: Mapping[str, TrainedModel])
     return modes_chapter(dict(some), data, weights)
 
 
-def _lead(workspace: Workspace, name: str, parts: Sequence[Part]) -> list[str]:
+def _lead(name: str, parts: Sequence[Part]) -> list[str]:
     return [
-        f"Written by `{command(workspace)} results {name}` from what the lake holds; nothing here "
+        f"Written by `lmtr results {name}` from what the lake holds; nothing here "
         "was entered by hand. Intervals are 95 %. Every number stands in full precision, with "
         "the evaluations, models or data sets that it was read from, in `numbers.json`; figures "
         "are in `figures/` as PDF too, and films in `films/`.",

@@ -228,16 +228,15 @@ def _best_at_loose(groups: Groups) -> list[Answer]:
 
 
 def _both_selecting(groups: Groups) -> list[Answer]:
+    """The library and the LMTR with the fewest close steps, each with its selection."""
     library = groups.get(None, "selected")
-    found = [
+    mine = [g for n in groups.latents if n and (g := groups.get(n, "selected")) and _crossed(g)]
+    best = min(mine, key=lambda g: g.tallies.rate("close_share"), default=None)
+    return [
         answer
-        for n in groups.latents
-        if n
         for rate in ("close_share", *_RATES)
-        for answer in _against(library, groups.get(n, "selected"), rate, lambda _: "reported")
-        if answer is not MISSING
+        for answer in _against(library, best, rate, lambda _: "reported")
     ]
-    return found or [MISSING]
 
 
 def _jumps(groups: Groups) -> list[Answer]:
@@ -251,19 +250,25 @@ def _jumps(groups: Groups) -> list[Answer]:
 
 
 def _progress(groups: Groups) -> list[Answer]:
-    kinds: list[int | None] = [n for n in groups.latents if n]
+    """The least of what replanners keep of their distance when they select."""
+    kinds: list[int | None] = [*(n for n in groups.latents if n), None]
     found = [
         answer
-        for latent in (*kinds, None)
+        for latent in kinds
         for answer in _against(
             groups.get(latent, "selected"),
             groups.get(latent),
             "distance",
             lambda found: at_least(found, 0.97),
         )
-        if answer is not MISSING
+        if answer.found is not None
     ]
-    return found or [MISSING]
+    if not found:
+        return [MISSING]
+    least = min(found, key=lambda each: each.found.value if each.found else np.inf)
+    ours = f"least of {len(found)} replanners: {least.ours}"
+    ids = [each for answer in found for each in answer.ids]
+    return [Answer(ours, least.found, least.verdict, ids)]
 
 
 def _safest(groups: Groups) -> list[Answer]:

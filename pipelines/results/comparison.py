@@ -26,6 +26,9 @@ DISTRIBUTIONS = (
 FRONT_MEASURES = ("close_share", "mean_violation", "large_violation_share", "distance")
 """Columns of the table of fronts."""
 
+LOGARITHMIC = (MEASURES["mean_violation"], MEASURES["large_violation_share"])
+"""Measures whose axis over n is logarithmic."""
+
 POLICY_NAMES = {
     "nearest": r"nearest neighbour $\pi_{nbr}$",
     "selected": "best of the nearest",
@@ -261,7 +264,9 @@ def over_latent(groups: Groups) -> list[Block]:
                 found = measured.measure(library)
                 styles[library.name] = library.style
                 references.append(Reference(library.name, found.value, _ends(found)))
-        panels.append(SweepPanel(measured.title, measured.label, series, references))
+        # The library violates so much more that a linear axis shows nothing else.
+        log = measured in LOGARITHMIC
+        panels.append(SweepPanel(measured.title, measured.label, series, references, log))
     panels = [panel for panel in panels if panel.drawn]
     if not panels:
         return [Missing("No measure of the rollouts has a value over n.")]

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from pipelines.config import fingerprint
+from pipelines.config import settings_digest
 from pipelines.provenance import code_version
 from pipelines.results.blocks import Block, Chapter, Missing, Row, Table
 from pipelines.results.differences import changes, in_words
@@ -21,11 +21,8 @@ def overview_chapter(
 ) -> Chapter:
     """Everything that tells this study from another one."""
     blocks: list[Block] = [_parts(parts, groups), _versions(workspace, parts, groups)]
-    blocks += [
-        Missing(f"{part.name}: {text}")
-        for part in parts
-        for text in (*part.missing, *groups[part.name].missing)
-    ]
+    absent = [(part.name, [*part.missing, *groups[part.name].missing]) for part in parts]
+    blocks += [Missing(f"{name}: {' '.join(texts)}") for name, texts in absent if texts]
     blocks.append(_times(parts, seconds) if seconds else Missing("No stage has been timed."))
     return Chapter("What was run", blocks)
 
@@ -39,7 +36,7 @@ def _parts(parts: Sequence[Part], groups: Mapping[str, Groups]) -> Table:
                 [
                     part.name,
                     in_words(changes(parts[0].config, config)),
-                    fingerprint(config.model_dump(mode="json", exclude={"cluster"})),
+                    settings_digest(config),
                     part.dataset_id,
                     ", ".join(map(str, config.training.latent)),
                     ", ".join(map(str, config.training.seeds)),
@@ -107,7 +104,8 @@ def _times(parts: Sequence[Part], seconds: Seconds) -> Table:
     rows.append(Row(["all", *total, sum(total)]))
     return Table(
         "stages",
-        "Time of each stage in seconds, of all runs that it took.",
+        "Time of each stage in seconds, of all runs that these settings took. What was there "
+        "already takes none.",
         ["part", *stages, "all"],
         rows,
     )

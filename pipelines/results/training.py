@@ -26,14 +26,11 @@ QUANTITIES = (
 """What the best epoch tells of validation segments: name, name for readers, unit."""
 
 
-def training_chapter(
-    models: Mapping[str, TrainedModel], minutes: Mapping[str, float] | None = None
-) -> Chapter:
+def training_chapter(models: Mapping[str, TrainedModel]) -> Chapter:
     """Learning curves, the table by n and seed, and reconstruction over n.
 
     Args:
         models: By model id, of the base configuration.
-        minutes: By model id, how long its training took, where that is known.
     """
     if not models:
         return Chapter("Training", [Missing("No model has been trained yet; run `lmtr train`.")])
@@ -49,7 +46,7 @@ def training_chapter(
             "Learning curves of one training seed each: thick on validation solutions, thin on "
             "training data with sampled modes and noisy tasks.",
         ),
-        _table(models, minutes or {}),
+        _table(models),
         *_over_latent(list(models.values())),
     ]
     return Chapter("Training", blocks)
@@ -68,7 +65,7 @@ def looks(model: TrainedModel) -> dict[str, float]:
     }
 
 
-def _table(models: Mapping[str, TrainedModel], minutes: Mapping[str, float]) -> Table:
+def _table(models: Mapping[str, TrainedModel]) -> Table:
     rows = []
     for model_id, model in models.items():
         found, best = looks(model), model.best_epoch
@@ -81,7 +78,6 @@ def _table(models: Mapping[str, TrainedModel], minutes: Mapping[str, float]) -> 
                     None if best is None else best.epoch,
                     None if best is None or best.validation is None else best.validation.loss,
                     *(_cell(name, found.get(name)) for name, _, _ in QUANTITIES),
-                    minutes.get(model_id),
                 ],
                 [model_id],
             )
@@ -97,7 +93,6 @@ def _table(models: Mapping[str, TrainedModel], minutes: Mapping[str, float]) -> 
             "kept",
             "loss (–)",
             *(f"{name} ({unit})" for _, name, unit in QUANTITIES),
-            "time (min)",
         ],
         rows,
     )

@@ -114,7 +114,7 @@ def test_replanner_without_any_violation_is_still_drawn():
     figure = distribution_figure(data, {"expert": [np.zeros(80)]})
     figure.canvas.draw()
     legend = figure.axes[1].get_legend().get_texts()
-    assert [text.get_text() for text in legend] == ["expert: mean 0.00 mm, 0.00 % over 5 cm"]
+    assert [text.get_text() for text in legend] == ["expert: mean 0 mm, 0 % over 5 cm"]
 
 
 def test_bands_hold_the_curve_and_shrink_with_the_number_of_rollouts():

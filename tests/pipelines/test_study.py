@@ -114,19 +114,21 @@ def test_a_study_makes_every_variant_and_times_its_stages(lmtr, study_file, tiny
     assert sorted(kappas) == [0.001, 0.01]
     seconds = json.loads((home / "reports" / "study" / "stages.json").read_text())
     assert set(seconds) == {"base", "plain", "little"}
-    assert set(seconds["little"]) == {"generate", "segment", "train", "evaluate"}
+    assert set(seconds["little"]["seconds"]) == {"generate", "segment", "train", "evaluate"}
     assert "most in" in err
 
 
 def test_stage_times_add_up_over_runs(tmp_path):
-    path = tmp_path / "deep" / "stages.json"
+    path, digests = tmp_path / "deep" / "stages.json", {"base": "a1", "other": "b2"}
     for _ in range(2):
-        with pytest.raises(KeyboardInterrupt), StageTimes(path).of("base", "train"):
+        with pytest.raises(KeyboardInterrupt), StageTimes(path, digests).of("base", "train"):
             raise KeyboardInterrupt
-    with StageTimes(path).of("base", "report"):
+    with StageTimes(path, digests).of("base", "report"):
         pass
-    kept = StageTimes(path).seconds["base"]
+    kept = StageTimes(path, digests).seconds["base"]
     assert set(kept) == {"train", "report"}
     assert kept["train"] > 0.0
+    # Other settings of the same name took nothing yet.
+    assert StageTimes(path, {"base": "c3"}).seconds == {}
     path.write_text("{")
-    assert StageTimes(path).seconds == {}
+    assert StageTimes(path, digests).seconds == {}
