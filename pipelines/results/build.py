@@ -17,6 +17,7 @@ from pipelines.results.claims import claims_chapter, targets_chapter
 from pipelines.results.comparison import comparison_chapter
 from pipelines.results.data import data_chapter
 from pipelines.results.groups import Groups, read_groups
+from pipelines.results.held_out import held_out_chapter
 from pipelines.results.markdown import write_page
 from pipelines.results.modes import modes_chapter
 from pipelines.results.overview import Seconds, overview_chapter
@@ -93,7 +94,7 @@ def _chapters(
         overview_chapter(workspace, parts, groups, seconds),
         data_chapter(workspace, parts),
         training_chapter(models),
-        _modes(workspace, base, models),
+        *_learnt(workspace, base, models),
         comparison_chapter(workspace, mine, config.evaluation.criteria),
         ratio_chapter(mine),
         variants_chapter(parts, groups),
@@ -114,19 +115,25 @@ def _films(workspace: Workspace, base: Part, groups: Groups, folder: Path) -> li
     return [Paragraph(f"![{path.stem}]({FILMS}/{path.name})") for path in paths]
 
 
-def _modes(workspace: Workspace, base: Part, models: Mapping[str, TrainedModel]) -> Chapter:
-    """Fig. 2, of the first training seed of a few latent dimensions."""
-    chosen: dict[int, tuple[str, TrainedModel]] = {}
+def _learnt(workspace: Workspace, base: Part, models: Mapping[str, TrainedModel]) -> list[Chapter]:
+    """Fig. 2, and plans for held-out tasks, of the first training seed of a few models."""
+    first: dict[int, tuple[str, TrainedModel]] = {}
     for model_id, model in models.items():
-        if model.latent >= 2:
-            chosen.setdefault(model.latent, (model_id, model))
-    some = [chosen[n] for n in sorted(chosen) if n in MODE_LATENTS] or list(chosen.values())[:1]
-    if not some:
-        text = "No model with two or more latent dimensions has been trained."
-        return Chapter("The space of modes", [Missing(text)])
+        first.setdefault(model.latent, (model_id, model))
+    several = {n: each for n, each in sorted(first.items()) if n >= 2}
+    shown = dict([several[n] for n in several if n in MODE_LATENTS] or list(several.values())[:1])
+    if not models:
+        return []
     data = learning_data(base.config, workspace, base.dataset_id, base.segments_version)
-    weights = TaskWeights.of(reported(base.config))
-    return modes_chapter(dict(some), data, weights)
+    weights, robot = TaskWeights.of(reported(base.config)), next(iter(models.values())).robot
+    if shown:
+        modes = modes_chapter(shown, data, weights)
+    else:
+        text = "No model with two or more latent dimensions has been trained."
+        modes = Chapter("The space of modes", [Missing(text)])
+    close = base.config.evaluation.criteria.clearance
+    unimodal = dict([first[0]] if 0 in first else [])
+    return [modes, held_out_chapter(unimodal | shown, data, weights, robot, close)]
 
 
 def _lead(name: str, parts: Sequence[Part]) -> list[str]:
