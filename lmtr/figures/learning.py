@@ -16,7 +16,7 @@ History = Sequence[Record]
 """One record per epoch: ``epoch`` and, by name, losses of the training and validation data."""
 
 PANELS = (
-    ("loss", "loss (–)", "Loss, Eq. 5"),
+    ("loss", "loss (–)", "Loss"),
     ("reconstruction", "mean |τ − τ̂|, standardised (–)", "Reconstruction"),
     ("kl", "KL divergence (nats)", "Information in the mode"),
 )

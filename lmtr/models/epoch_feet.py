@@ -38,7 +38,9 @@ class EpochFeet:
         )
         rows = np.arange(SEGMENT_LAYOUT.size)
         self._places = [
-            torch.as_tensor(np.stack([rows[SEGMENT_LAYOUT.slice(f"{f}_{name}")] for f in FEET]))
+            torch.as_tensor(
+                np.stack([rows[SEGMENT_LAYOUT.slice(f"{f}_{name}")] for f in FEET]), device=device
+            )
             for name in NEEDED
         ]
 

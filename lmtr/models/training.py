@@ -241,7 +241,11 @@ class _Fit:
             self._weights,
         )
         start = self.settings.loss_weights.start
-        return loss.plus(start, self._feet.error(batch.tau, out.tau_hat)) if start else loss
+        if start == 0.0:
+            return loss
+        if self.settings.reduction == "sum":
+            start *= batch.tau.shape[1]  # against a sum it counts like against the mean
+        return loss.plus(start, self._feet.error(batch.tau, out.tau_hat))
 
 
 @dataclass(frozen=True)

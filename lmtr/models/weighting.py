@@ -46,7 +46,7 @@ class LossWeights(Settings):
     def of(self, scaling: Standardiser, weight: float) -> Array:
         """Weight of each standardised dimension's error, (264,), one in the mean.
 
-        So κ weighs the same against the error whatever is chosen here.
+        So κ weighs the same against this error whatever is chosen here; ``start`` comes on top.
 
         Args:
             scaling: Standardisation of τ.

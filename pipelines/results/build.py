@@ -142,9 +142,21 @@ def _lead(name: str, parts: Sequence[Part]) -> list[str]:
         "was entered by hand. Intervals are 95 %. Every number stands in full precision, with "
         "the evaluations, models or data sets that it was read from, in `numbers.json`; figures "
         "are in `figures/` as PDF too, and films in `films/`.",
+        _limits(parts[0].config),
+        "Where an interval reads 0 (0–0), no such event was seen in any rollout; that there are "
+        "none is not said. Intervals over three training seeds tend to be too narrow.",
         *(
             [f"The study has {len(parts)} configurations: {', '.join(p.name for p in parts)}."]
             if len(parts) > 1
             else []
         ),
     ]
+
+
+def _limits(config: Configuration) -> str:
+    """Two ranges of motion, without which violations cannot be read."""
+    own, judged = config.dataset.robot.range_of_motion[0], config.evaluation.criteria.forward_limit
+    return (
+        f"The expert keeps feet within ±{own:g} m of neutral in forward direction, so all data do. "
+        f"In rollouts of all replanners what is beyond ±{judged:g} m counts as violation."
+    )

@@ -41,6 +41,7 @@ class Pair:
         latent: n of the LMTR; None where it is the best of all.
         levels: By measure, the comparison at each level.
         ids: All evaluations that were compared.
+        reach: Least and greatest share of close steps of the library's front.
         style: Look of its curve.
     """
 
@@ -49,6 +50,7 @@ class Pair:
     latent: int | None
     levels: dict[str, list[AtLevel]]
     ids: Sequence[str]
+    reach: tuple[float, float]
     style: SeriesStyle
 
 
@@ -145,12 +147,13 @@ def _plain(library: Sequence[Group], mine: Sequence[Group], latent: int) -> Pair
         f"LMTR-{latent}, plain against plain",
         latent,
         {
-            rate: at_equal_avoidance(a, b, levels, rate, resolution=_resolution(mine, rate))
+            rate: at_equal_avoidance(a, b, levels, rate, resolution=resolution(mine, rate))
             if len(levels)
             else []
             for rate in VIOLATIONS
         },
         [each for g in (*library, *mine) for each in g.ids],
+        _reach(library),
         mine[0].style,
     )
 
@@ -173,10 +176,11 @@ def _best(library: Sequence[Group], candidates: Sequence[Group]) -> list[Pair]:
         best = min(able, key=lambda g: g.tallies.rate("mean_violation"))
         used |= dict.fromkeys([*point.ids, *best.ids])
         for rate in VIOLATIONS:
-            found = ratio(point.tallies, best.tallies, rate, resolution=_resolution([best], rate))
+            found = ratio(point.tallies, best.tallies, rate, resolution=resolution([best], rate))
             levels[rate].append(AtLevel(level, point.rate(rate), best.rate(rate), found, 1.0))
     style = SeriesStyle(INK, "D", (0, (5, 1.6)))
-    return [Pair(BEST, "best LMTR against the plain library", None, levels, list(used), style)]
+    name = "best LMTR against the plain library"
+    return [Pair(BEST, name, None, levels, list(used), _reach(library), style)]
 
 
 def _selected(library: Group, mine: Group) -> Pair:
@@ -184,12 +188,18 @@ def _selected(library: Group, mine: Group) -> Pair:
     levels: dict[str, list[AtLevel]] = {rate: [] for rate in VIOLATIONS}
     if mine.tallies.shape[1] == library.tallies.shape[1]:
         for rate in VIOLATIONS:
-            found = ratio(library.tallies, mine.tallies, rate, resolution=_resolution([mine], rate))
+            found = ratio(library.tallies, mine.tallies, rate, resolution=resolution([mine], rate))
             close = library.tallies.rate("close_share")
             levels[rate].append(AtLevel(close, library.rate(rate), mine.rate(rate), found, 1.0))
     style = SeriesStyle(LIBRARY_COLOUR, "D", (0, (5, 1.6)))
     name = f"LMTR-{mine.latent}, both selecting (not at equal avoidance)"
-    return Pair(SELECTED, name, mine.latent, levels, [*library.ids, *mine.ids], style)
+    ids = [*library.ids, *mine.ids]
+    return Pair(SELECTED, name, mine.latent, levels, ids, _reach([library]), style)
+
+
+def _reach(library: Sequence[Group]) -> tuple[float, float]:
+    shares = [g.tallies.rate("close_share") for g in library]
+    return min(shares), max(shares)
 
 
 def _judged(group: Group) -> bool:
@@ -217,8 +227,11 @@ def _alike(front: Sequence[Group]) -> list[Group]:
     return [g for g in front if g.tallies.shape == shape]
 
 
-def _resolution(front: Sequence[Group], rate: str) -> float:
-    """What cannot be told from nothing, of a share; a mean has no such limit."""
+def resolution(front: Sequence[Group], rate: str) -> float:
+    """What cannot be told from nothing, of a share; a mean has no such limit.
+
+    As if samples were independent, which those of one rollout are not: a nominal bound.
+    """
     if not rate.endswith("_share"):
         return 0.0
     return max(least_share(g.tallies, rate) for g in front)

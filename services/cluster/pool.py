@@ -70,9 +70,13 @@ class ActorPool(Generic[T, R]):
                     return
                 for reference in self._crew.wait((), POLL_S):
                     settled = list(self._settle(reference))
-                    # Its worker goes on while the outcome is being kept.
-                    yield from self._assign(source)
-                    yield from settled
+                    # Its worker goes on while the outcome is being kept; items that cannot be had
+                    # must not take with them what is done.
+                    try:
+                        refused = list(self._assign(source))
+                    finally:
+                        yield from settled
+                    yield from refused
         finally:
             self._crew.close()
 

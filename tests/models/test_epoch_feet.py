@@ -34,20 +34,27 @@ def test_feet_stand_and_swing_where_the_sampled_trajectory_has_them(feet, walk_s
     np.testing.assert_allclose(found, sampled.position[:, 0], atol=2e-6)
 
 
-def test_its_derivative_is_that_of_finite_differences(feet, walk_segments):
+@pytest.mark.parametrize(
+    "name", ["times", "first_foothold", "swing_position", "swing_velocity", "second_foothold"]
+)
+def test_its_derivative_is_that_of_finite_differences(feet, walk_segments, name):
     scaling, at_epoch = feet
-    tau = _tensor(scaling, walk_segments.tau[:40]).requires_grad_()
-    at_epoch(tau).sum().backward()
-    step = 1e-2
-    for name in ("LF_times", "RF_first_foothold", "LH_swing_position", "RH_swing_velocity"):
-        for column in range(*SEGMENT_LAYOUT.slice(name).indices(SEGMENT_LAYOUT.size)):
-            aside = torch.zeros(SEGMENT_LAYOUT.size)
-            aside[column] = step
-            with torch.no_grad():
-                change = (at_epoch(tau + aside) - at_epoch(tau - aside)).sum(dim=(1, 2))
-            # A foot that lifts off or touches down within the step has a kink there.
-            apart = (change / (2 * step) - tau.grad[:, column]).abs()
-            assert float(apart.median()) < 1e-4
+    times = decode_segment(walk_segments.tau).contact_times[:, 1]  # of RF
+    progress = -times[:, 1] / (times[:, 2] - times[:, 1])
+    # A foot that lifts off, passes the middle or touches down within the step has a kink there.
+    swings = ((progress > 0.1) & (progress < 0.4)) | ((progress > 0.6) & (progress < 0.9))
+    assert swings.sum() > 5
+    tau = _tensor(scaling, walk_segments.tau[swings]).requires_grad_()
+    at_epoch(tau)[:, 1].sum().backward()
+    step, columns = 0.01, range(SEGMENT_LAYOUT.size)[SEGMENT_LAYOUT.slice(f"RF_{name}")]
+    for column in columns:
+        aside = torch.zeros(SEGMENT_LAYOUT.size)
+        aside[column] = step
+        with torch.no_grad():
+            change = at_epoch(tau + aside)[:, 1] - at_epoch(tau - aside)[:, 1]
+        apart = (change.sum(dim=1) / (2 * step) - tau.grad[:, column]).abs()
+        assert float(apart.max()) < 1e-3
+    assert float(tau.grad[:, list(columns)].abs().max()) > 0.01
 
 
 def test_the_error_of_feet_that_are_moved_is_how_far(feet, walk_segments):

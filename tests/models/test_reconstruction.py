@@ -32,7 +32,6 @@ def test_feet_that_stand_at_the_epoch_are_as_far_off_as_their_first_footholds(wa
     parts = {name: part.copy() for name, part in SEGMENT_LAYOUT.unpack(tau).items()}
     for foot in FEET:
         parts[f"{foot}_times"] = parts[f"{foot}_times"] - parts[f"{foot}_times"][:, :1] - 0.01
-        parts[f"{foot}_first_foothold"] = parts[f"{foot}_first_foothold"].copy()
     standing = SEGMENT_LAYOUT.pack(parts)
     parts["RF_first_foothold"] += np.array([0.03, 0.04, 0.0])
     errors = reconstruction_errors(standing, SEGMENT_LAYOUT.pack(parts), weight=300.0)

@@ -71,6 +71,27 @@ def test_a_category_that_does_not_count_is_not_learnt(walk_segments):
     assert timeless.base_position_mm < 1.2 * all_.base_position_mm
 
 
+@pytest.mark.parametrize("reduction", ["mean", "sum"])
+def test_feet_begin_where_they_are_if_the_start_counts(walk_segments, reduction):
+    settings = TrainingSettings(epochs=80, batch_size=40, patience=None, device="cpu")
+
+    def learnt(start):
+        model = ModelSettings(
+            latent=2,
+            hidden=(32, 32),
+            reduction=reduction,
+            loss_weights=LossWeights(start=start),
+        )
+        return train(model, settings, walk_segments, walk_segments, ANYMAL).best_epoch.validation
+
+    without, with_start = learnt(0.0), learnt(1.0)
+    assert with_start.errors.epoch_feet_mm < 0.7 * without.errors.epoch_feet_mm
+    # It is told apart from the error of τ, and only the total holds it.
+    kappa = ModelSettings().kappa
+    assert without.loss == pytest.approx(without.reconstruction + kappa * without.kl, rel=1e-4)
+    assert with_start.loss > 1.001 * (with_start.reconstruction + kappa * with_start.kl)
+
+
 def test_something_has_to_count(scaling):
     nothing = LossWeights(base=0.0, times=0.0, motion=0.0, forces=0.0)
     with pytest.raises(ModelError, match=r"^loss weights: .*loss_weights$"):

@@ -118,6 +118,17 @@ def test_a_worker_goes_on_while_its_last_outcome_is_being_kept(two, tmp_path):
     stream.close()
 
 
+def test_items_that_break_off_do_not_take_what_is_done_with_them(two):
+    def items():
+        yield 3
+        raise OSError("no more")
+
+    stream = two.stream(squaring(), items(), in_flight=1)
+    assert next(stream).value == 9
+    with pytest.raises(OSError, match="no more"):
+        next(stream)
+
+
 def test_two_workers_are_two_single_threaded_processes_made_once(two, tmp_path):
     def make():
         calls = itertools.count()
