@@ -100,6 +100,7 @@ def test_all_built_in_configurations_can_be_carried_out():
         assert load_study(name).name == name
 
 
+@pytest.mark.slow
 def test_a_study_makes_every_variant_and_times_its_stages(lmtr, study_file, tiny_home, tmp_path):
     home = tmp_path / "home"
     shutil.copytree(tiny_home, home)
