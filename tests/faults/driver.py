@@ -134,11 +134,14 @@ class Driver:
             time.sleep(0.02)
 
     def kill(self, role: Role) -> None:
-        """SIGKILL one process of this role, as soon as there is one."""
+        """SIGKILL every process of this role, as soon as there is one.
+
+        Of one alone it could not be told whether it had work: it may be starting.
+        """
         until = time.monotonic() + 30.0
         while self.runs and time.monotonic() < until:
             self.members()
-            if any(kill(process) for process in playing(role, self.pid)[-1:]):
+            if any([kill(process) for process in playing(role, self.pid)]):
                 return
             time.sleep(0.02)
         raise AssertionError(f"no {role} to kill")

@@ -37,8 +37,8 @@ def test_a_process_that_is_killed_again_and_again_costs_no_row(
         status, said = driver.end()
         assert status == 0, said
         assert left_over(driver.members(), GONE_S) == []
-    # A worker that has just answered holds nothing when it dies, and nothing is to be mended.
-    assert 1 <= mended(home)[trouble] <= 3
+    # Three times one writer or both workers; one that has just answered holds nothing when it dies.
+    assert 1 <= mended(home)[trouble] <= 6
     require_complete(home, reference)
 
 
