@@ -8,6 +8,7 @@ head.start()
 
 import os
 import secrets
+import shutil
 import socket
 import subprocess
 import sys
@@ -59,6 +60,7 @@ class RayHead:
         self._home = home
         self._cpus = cpus
         self._process: subprocess.Popen[bytes] | None = None
+        self._temporary = ""
         self._seen: dict[int, psutil.Process] = {}
         self._ports = dict(zip(PORTS, _free_ports(len(PORTS)), strict=True))
         self.token_file = folder / "token"
@@ -106,20 +108,20 @@ class RayHead:
         self.token_file.touch(mode=0o600)
         self.token_file.write_text(secrets.token_hex(32))
         # Ray's sockets lie in here, and the path of a socket may have 107 characters at most.
-        temporary = tempfile.mkdtemp(prefix="lmtrj-", dir="/tmp")
+        self._temporary = tempfile.mkdtemp(prefix="lmtrj-", dir="/tmp")
         command = [
             str(Path(sys.executable).with_name("ray")),
             *("start", "--head", "--block", "--disable-usage-stats"),
             *("--dashboard-host=127.0.0.1", "--node-ip-address=127.0.0.1"),
             *(f"{option}={port}" for option, port in self._ports.items()),
             *(f"--num-cpus={self._cpus}", "--object-store-memory=100000000"),
-            f"--temp-dir={temporary}",
+            f"--temp-dir={self._temporary}",
         ]
         with self._log.open("ab") as log:
             self._process = subprocess.Popen(
                 command, stdout=log, stderr=log, env=self._environment(), start_new_session=True
             )
-        self._await(temporary)
+        self._await()
 
     def power_off(self) -> None:
         """End all of it at once, and whatever it started."""
@@ -130,6 +132,7 @@ class RayHead:
             self._process.wait()
             left = left_over(members, ENDING_S)
             self._process, self._seen = None, {}
+            shutil.rmtree(self._temporary, ignore_errors=True)
             assert left == [], left
 
     def look(self) -> None:
@@ -148,7 +151,7 @@ class RayHead:
             "PATH": path,
         }
 
-    def _await(self, temporary: str) -> None:
+    def _await(self) -> None:
         """Wait until the head knows its own machine: before that it refuses jobs."""
         request = urllib.request.Request(
             f"{self.url}/api/v0/nodes",
@@ -163,7 +166,7 @@ class RayHead:
                 if '"ALIVE"' in urllib.request.urlopen(request, timeout=5.0).read().decode():
                     return
             time.sleep(0.3)
-        raise AssertionError(f"no head at {self.url}, folder {temporary}: {self._told()}")
+        raise AssertionError(f"no head at {self.url}: {self._told()}")
 
     def _told(self) -> str:
         return self._log.read_text(errors="replace")[-2000:]

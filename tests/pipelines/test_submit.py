@@ -1,5 +1,6 @@
 """What is sent to a cluster for what was typed, and what is refused before anything is sent."""
 
+import io
 import json
 import re
 import shlex
@@ -9,13 +10,14 @@ import sys
 from datetime import timedelta
 
 import pytest
+from rich.console import Console
 
 from pipelines.progress import Progressed
 from pipelines.remote import submission as module
 from pipelines.remote.tables import latest_progress
 from pipelines.remote.target import find_target
 from pipelines.remote.versions import Versions, require_same
-from pipelines.remote.watch import spoken
+from pipelines.remote.watch import LogView, spoken
 from services.errors import ClusterError, ProfileError
 
 
@@ -199,6 +201,32 @@ def test_the_latest_progress_of_a_log_is_found():
     log = "Running\nSolving tasks: 1/64 x\nSolving tasks: 9/64 0.1/s\ngenerate: done\n"
     assert latest_progress(log) == Progressed("Solving tasks", 9, 64, "0.1/s")
     assert latest_progress("nothing yet\n") is None
+
+
+LOG = ("Running", "Solving tasks: 1/64 0.1/s", "Solving tasks: 9/64 0.2/s", "done [not markup]")
+
+
+def shown(terminal: bool) -> str:
+    file = io.StringIO()
+    console = Console(file=file, force_terminal=terminal, width=60, highlight=False)
+    with LogView(console) as view:
+        for line in LOG:
+            view.line(line)
+    return file.getvalue()
+
+
+def test_a_log_in_a_file_keeps_every_line():
+    assert shown(terminal=False).splitlines() == list(LOG)
+
+
+def test_a_log_in_a_terminal_has_progress_in_one_place():
+    lines = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]|\r", "", shown(terminal=True)).splitlines()
+    assert lines.index("Running") < lines.index("done [not markup]")
+    assert not any("1/64" in line and "9/64" in line for line in lines)
+    # What stays when the last frame is wiped is the text alone.
+    final = shown(terminal=True).rpartition("done [not markup]")[2]
+    assert "Solving tasks: 9/64 0.2/s" in final
+    assert "1/64" not in final
 
 
 @pytest.mark.parametrize(
