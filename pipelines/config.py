@@ -185,23 +185,34 @@ def parse(tree: Mapping[str, Any]) -> Configuration:
         raise ConfigurationError(_explain(error)) from error
 
 
-def _read(source: str) -> dict[str, Any]:
+def source_text(source: str) -> str:
+    """The text of a configuration.
+
+    Args:
+        source: A built-in name or the path of a file.
+
+    Raises:
+        ConfigurationError: The file is missing or no text.
+    """
     if source in builtin_names():
-        text = (resources.files("pipelines") / "configurations" / f"{source}.toml").read_text()
-    else:
-        path = Path(source)
-        if not path.is_file():
-            raise ConfigurationError(
-                f"configuration {source!r} is neither a file nor built in; give the path of a "
-                f"TOML file or one of: {', '.join(builtin_names())}"
-            )
-        try:
-            text = path.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise ConfigurationError(
-                f"configuration {source!r} cannot be read as UTF-8 text ({error}); "
-                "check its permissions and encoding"
-            ) from error
+        return (resources.files("pipelines") / "configurations" / f"{source}.toml").read_text()
+    path = Path(source)
+    if not path.is_file():
+        raise ConfigurationError(
+            f"configuration {source!r} is neither a file nor built in; give the path of a "
+            f"TOML file or one of: {', '.join(builtin_names())}"
+        )
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError(
+            f"configuration {source!r} cannot be read as UTF-8 text ({error}); "
+            "check its permissions and encoding"
+        ) from error
+
+
+def _read(source: str) -> dict[str, Any]:
+    text = source_text(source)
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

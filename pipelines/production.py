@@ -137,8 +137,11 @@ def _work(
     missing: Missing,
     stop: Stop,
 ) -> None:
-    total = len(missing)
-    with workspace.cluster(total, plan.few) as cluster, bar(plan.title, total) as progress:
+    total, asked = len(missing), sum(1 for _ in plan.keys)
+    with (
+        workspace.cluster(total, plan.few) as cluster,
+        bar(plan.title, asked, asked - total) as progress,
+    ):
         stop.listen()  # Ray, when it starts, takes SIGTERM for itself
         order = Order(
             make_worker=plan.make_worker,

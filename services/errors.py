@@ -36,5 +36,25 @@ class ClusterLostError(ClusterError):
     """A cluster that was there is gone; what it held is to be done again on another."""
 
 
+class ClusterRefusedError(ClusterError):
+    """A cluster answers and refuses our token."""
+
+
+class UnknownJobError(ClusterError):
+    """The cluster knows no job of this id."""
+
+
+class JobExistsError(ClusterError):
+    """The cluster has a job of this id already; choose another one."""
+
+
+class LeftRunningError(ClusterError):
+    """The user stopped waiting for a job; it goes on without."""
+
+
+class ProfileError(ServiceError):
+    """The user's settings file or a profile in it is wrong or missing."""
+
+
 class TrackingError(ServiceError):
     """The experiment tracker cannot be reached or refuses a record."""

@@ -9,9 +9,9 @@ from typer.exceptions import TyperException
 
 from lmtr import __version__
 from lmtr.errors import LmtrError
-from pipelines.cli import care, data, lake, stages
-from pipelines.cli.options import HomeOption
-from services.errors import ServiceError
+from pipelines.cli import care, cluster, data, lake, stages, submit
+from pipelines.cli.options import HomeOption, ProfileOption
+from services.errors import LeftRunningError, ServiceError
 
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130
@@ -20,7 +20,8 @@ app = typer.Typer(
     name="lmtr",
     help="Expert skill-spaces for replanning quadruped locomotion: generate expert data, train "
     "replanners, compare them in rollouts.\n\n"
-    "Start with `lmtr run demo`; then look with `lmtr query`, `lmtr show` and `lmtr ui`.",
+    "Start with `lmtr run demo`; then look with `lmtr query`, `lmtr show` and `lmtr ui`. Where one "
+    "machine is too slow, `lmtr submit run demo` does the same on a cluster.",
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
     rich_markup_mode="markdown",
@@ -36,6 +37,7 @@ def _version(value: bool) -> None:
 @app.callback()
 def _globals(
     home: HomeOption = None,
+    profile: ProfileOption = None,
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
     ] = False,
@@ -46,6 +48,8 @@ def _globals(
 stages.register(app)
 data.register(app)
 lake.register(app)
+submit.register(app)
+cluster.register(app)
 care.register(app)
 
 
@@ -56,6 +60,9 @@ def main() -> None:
         if status == EXIT_INTERRUPTED:  # Typer's own word for Ctrl-C
             raise KeyboardInterrupt
         sys.exit(status)
+    except LeftRunningError as error:
+        _complain(str(error))
+        sys.exit(EXIT_INTERRUPTED)
     except (LmtrError, ServiceError) as error:
         _complain(str(error))
         sys.exit(EXIT_BAD_INPUT)

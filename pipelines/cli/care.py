@@ -13,6 +13,7 @@ def register(app: typer.Typer) -> None:
     panel = "Care"
     app.command(rich_help_panel=panel)(ui)
     app.command(rich_help_panel=panel)(doctor)
+    app.command(hidden=True)(versions)
 
 
 def ui(
@@ -40,3 +41,10 @@ def doctor(
     settings = options.configuration(config, overrides)
     healthy = examine(options.resolve_home(ctx, home), settings)
     raise typer.Exit(0 if healthy else 1)
+
+
+def versions() -> None:
+    """Print what a client and a cluster compare of each other, as one line of JSON."""
+    from pipelines.remote.versions import say_versions
+
+    typer.echo(say_versions())

@@ -12,6 +12,7 @@ from pipelines.workspace import Workspace
 
 if TYPE_CHECKING:
     from pipelines.learning_data import LearningData
+    from pipelines.remote.target import Target
 
 DEFAULT_HOME = "lmtr-home"
 
@@ -52,6 +53,23 @@ AtOption = Annotated[
     int | None,
     typer.Option("--at", min=0, help="Version of the table segments. [default: the present one]"),
 ]
+ProfileOption = Annotated[
+    str | None,
+    typer.Option(
+        "--profile",
+        help="Cluster of the settings file to use. [default: $LMTR_PROFILE or the file's own]",
+        show_default=False,
+    ),
+]
+ClusterOption = Annotated[
+    str | None,
+    typer.Option(
+        "--cluster",
+        help="Address of a cluster's dashboard, http://HOST:8265. [default: the profile's]",
+        metavar="URL",
+        show_default=False,
+    ),
+]
 WorkersOption = Annotated[
     int | None,
     typer.Option(
@@ -71,6 +89,17 @@ def resolve_home(ctx: typer.Context, home: str | None) -> str:
     if before is not None:
         return before
     return os.environ.get("LMTR_HOME") or DEFAULT_HOME
+
+
+def target(ctx: typer.Context, cluster: str | None, home: str | None = None) -> "Target":
+    """The cluster that the options name, for a command that is about one.
+
+    Its home is the one typed, else the profile's: this machine's ``LMTR_HOME`` says nothing of it.
+    """
+    from pipelines.remote.target import find_target
+
+    before: dict[str, str | None] = ctx.find_root().params
+    return find_target(before.get("profile"), cluster, home or before.get("home"))
 
 
 def configuration(

@@ -26,6 +26,9 @@ OBJECT_STORE_BYTES = 250_000_000
 REACH_S = 45.0
 """How long a named cluster may take to answer."""
 
+SUBMITTED = "RAY_JOB_CONFIG_JSON_ENV_VAR"
+"""Ray sets it for the command of a submitted job, which therefore has a raylet beside it."""
+
 HEALTH = {
     "RAY_health_check_initial_delay_ms": "3000",
     "RAY_health_check_period_ms": "1000",
@@ -144,7 +147,8 @@ class RayCluster(Cluster):
     def _join(self, address: str) -> None:
         import ray
 
-        _require_reachable(address)
+        if SUBMITTED not in os.environ:
+            _require_reachable(address)
         try:
             ray.init(address=address, logging_level=self._log_level, log_to_driver=False)
         except (RuntimeError, ValueError, OSError) as error:
