@@ -23,11 +23,12 @@ from compose_client import (
     require_engine,
     run,
 )
-from preparation import container_user, make_secrets, use_storage
+from preparation import container_user, make_dotenv, make_secrets, use_storage
 from user_profile import settings_file, write_profile
 
 ROOT = HERE.parent
 SECRETS = Path(os.environ.get("LMTR_SECRETS") or HERE / "secrets").absolute()
+DOTENV = HERE / ".env"
 PATIENCE_S = 300.0
 """How long containers may take until they are healthy."""
 
@@ -73,12 +74,14 @@ class LocalCluster:
         self._docker = docker_client()
         self._workers = workers
         self._storage = storage
-        self._settings = {**self._defaults(cpus), **_dotenv(HERE / ".env"), **os.environ}
+        self._settings = {**self._defaults(cpus), **_dotenv(DOTENV), **os.environ}
 
     def up(self) -> None:
         """Start it and wait until all of it is healthy; says what to do next."""
         require_engine(self._docker)
-        make_secrets(SECRETS)
+        user = int(self._settings["LMTR_UID"])
+        make_dotenv(DOTENV, user)
+        make_secrets(SECRETS, user)
         if self._storage:
             use_storage(SECRETS)
         self.images()

@@ -22,15 +22,23 @@ def container_user() -> int:
     """Number of the user that the containers run as.
 
     Whoever starts them, so that the secrets' files can be closed to all others, but never root.
-    ``LMTR_UID`` names another one.
     """
-    if named := os.environ.get("LMTR_UID"):
-        return int(named)
     return os.getuid() or IMAGE_USER
 
 
-def make_secrets(folder: Path) -> None:
-    """Make the secrets that are missing: files of mode 0600 in a folder of mode 0700."""
+def make_dotenv(file: Path, user: int) -> None:
+    """Write down, once, what Compose must know to find the cluster again when run by hand."""
+    if not file.exists():
+        file.write_text(f"COMPOSE_PROJECT_NAME=lmtr\nLMTR_UID={user}\n", encoding="ascii")
+
+
+def make_secrets(folder: Path, user: int) -> None:
+    """Make the secrets that are missing: files of mode 0600 in a folder of mode 0700.
+
+    Args:
+        folder: Where they lie.
+        user: Number of the containers' user; where root makes them, they are that user's.
+    """
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     folder.chmod(0o700)
     for name in MADE:
@@ -38,7 +46,7 @@ def make_secrets(folder: Path) -> None:
     _make(folder / STORAGE, "")
     if os.getuid() == 0:  # only the containers' user, and root, may read them
         for name in (*MADE, STORAGE):
-            os.chown(folder / name, container_user(), -1)
+            os.chown(folder / name, user, -1)
 
 
 def use_storage(folder: Path) -> None:
