@@ -9,6 +9,8 @@ from tests.docker import engine
 from tests.docker.containers import Containers
 
 SOLUTIONS = 160
+ROLLOUTS = 4
+MODELS = {"unimodal", "LMTR-2"}
 
 CONFIGURATION = f"""
 [dataset]
@@ -26,7 +28,7 @@ latent = [0, 2]
 epochs = 60
 
 [evaluation]
-rollouts = 4
+rollouts = {ROLLOUTS}
 
 [evaluation.rollout]
 duration = 3.0

@@ -20,7 +20,8 @@ from typing import Any, Self
 
 import compose_client
 
-from tests.docker.engine import build_environment, engine, require_base
+from lmtr import __version__
+from tests.docker.engine import build_environment
 
 ROOT = Path(__file__).resolve().parents[2]
 PATIENCE_S = 400.0
@@ -31,17 +32,6 @@ ARTIFACTS_MB = 24
 
 IMAGE_USER = 10001
 ENDED = ("SUCCEEDED", "FAILED", "STOPPED")
-
-ROWS = """
-import json, sys
-from services.home import Home
-from services.lake.tables import Lake
-lake = Lake(Home.open(sys.argv[1], create=False).lake)
-there = sys.argv[2] in lake.tables()
-table = lake.read(sys.argv[2], ["index", "digest"]) if there else None
-rows = sorted(zip(table["index"].to_pylist(), table["digest"].to_pylist())) if there else []
-print(json.dumps(rows))
-"""
 
 
 @dataclass(frozen=True)
@@ -146,6 +136,26 @@ class Containers:
         assert done.returncode == 0, f"docker {' '.join(words)}: {done.stderr}"
         return done.stdout
 
+    def logs(self, container: str) -> str:
+        """What a container has said, on both streams."""
+        command = [self._docker, "logs", container]
+        return subprocess.run(
+            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=True
+        ).stdout
+
+    def image(self, role: str) -> str:
+        """Name of the image of a role."""
+        return f"lmtr-{role}:{__version__}"
+
+    def images(self, role: str) -> list[dict[str, Any]]:
+        """What the engine knows of the image of a role."""
+        return list(json.loads(self.docker("image", "inspect", self.image(role))))
+
+    @property
+    def ports(self) -> tuple[int, int]:
+        """Of the head and of the tracking server, on this machine."""
+        return self._head, self._tracking
+
     def inspect(self, container: str) -> dict[str, Any]:
         """What the engine knows of a container."""
         (found,) = json.loads(self.docker("inspect", container))
@@ -200,11 +210,17 @@ class Containers:
             return sum(node["state"] == "ALIVE" for node in told)
         return 0
 
-    def rows(self, home: str, table: str = "solutions") -> list[tuple[int, str]]:
-        """Index and digest of a table's rows, in order; none before there is a lake."""
+    def query(self, home: str, sql: str) -> list[dict[str, Any]]:
+        """What the lake of a home answers."""
+        told = self.inside("head", "lmtr", "--home", home, "query", "--format", "json", sql)
+        return [dict(row) for row in json.loads(told)]
+
+    def rows(self, home: str) -> list[tuple[int, str]]:
+        """Index and digest of all solutions, in order; none before there is a lake."""
+        asked = 'SELECT "index", digest FROM solutions ORDER BY ALL'
         try:
-            return [tuple(row) for row in json.loads(self._rows(home, table))]
-        except (AssertionError, ValueError):
+            return [(row["index"], row["digest"]) for row in self.query(home, asked)]
+        except AssertionError:
             return []
 
     def await_rows(self, home: str, count: int, job_id: str) -> None:
@@ -248,6 +264,11 @@ class Containers:
         with urllib.request.urlopen(request, timeout=60.0) as answer:
             return json.load(answer)
 
+    def files(self, run_id: str) -> list[str]:
+        """Paths of the files that a run keeps."""
+        told = self.mlflow(f"artifacts/list?run_id={run_id}")
+        return [file["path"] for file in told.get("files", [])]
+
     def fill_artifacts(self) -> Callable[[], None]:
         """Leave no room on the disk of artifacts; returns what makes room again."""
         filler = self._disk / "filler"
@@ -267,9 +288,6 @@ class Containers:
             if found is not None and name in self.names():
                 used[name] = float(found[1]) * units[found[2]]
         return used
-
-    def _rows(self, home: str, table: str) -> str:
-        return self.inside("head", "python", "-c", ROWS, home, table).splitlines()[-1]
 
     def _compose(self, *words: str) -> None:
         files = self._environment["COMPOSE_FILE"].split(os.pathsep)
@@ -307,6 +325,3 @@ def _free_ports(count: int) -> list[int]:
     finally:
         for probe in probes:
             probe.close()
-
-
-__all__ = ["Containers", "Job", "await_true", "engine", "require_base"]

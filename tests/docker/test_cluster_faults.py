@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from tests.docker.conftest import SOLUTIONS, command
+from tests.docker.conftest import MODELS, ROLLOUTS, SOLUTIONS, command
 from tests.docker.containers import await_true
 
 pytestmark = pytest.mark.slow
@@ -69,56 +69,107 @@ def test_the_head_killed_and_the_job_submitted_again(containers, reference, faul
     assert (lost, doubled) == (0, 0)
 
 
-@pytest.fixture
+def test_the_head_told_to_end(containers, reference, faults):
+    home = "/data/ended"
+    job = containers.submit(command("generate", home))
+    containers.await_rows(home, UNDER_WAY, job)
+    head = containers.names("head")[0]
+    began = time.monotonic()
+    containers.docker("stop", "--time", "120", head)
+    took = time.monotonic() - began
+    assert "drain-jobs: 1 jobs stopped, 0 still run" in containers.logs(head)
+    containers.docker("start", head)
+    containers.await_healthy()
+    kept = len(containers.rows(home))
+    seen = finished(containers, containers.submit(command("generate", home)))
+    lost, doubled = compared(containers.rows(home), reference)
+    word = f"{kept} of {SOLUTIONS} kept; submitted again: {seen}"
+    faults.add("head told to end (SIGTERM)", word, took, lost, doubled)
+    assert kept > UNDER_WAY
+    assert (lost, doubled) == (0, 0)
+
+
+@pytest.fixture(scope="module")
 def segments(containers, reference):
-    """A home of a test's own that has what a training needs."""
-    home = f"/data/training-{time.monotonic_ns()}"
-    containers.inside("head", "cp", "-r", "/data/reference", home)
+    """The reference with what a training needs."""
+    home = "/data/reference"
     assert finished(containers, containers.submit(command("segment", home))) == "SUCCEEDED"
     return home
 
 
 def test_the_database_away_for_a_minute_in_a_training(containers, segments, faults):
-    job = under_training(containers, segments)
+    job = under_training(containers, 1)
     database = containers.names("database")[0]
     containers.docker("stop", database)
     time.sleep(OUTAGE_S)
     containers.docker("start", database)
-    recovered = containers.await_healthy()
+    began = time.monotonic()
     seen = finished(containers, job)
-    require_whole(containers, segments)
-    faults.add("PostgreSQL stopped, 60 s", seen, recovered, 0, 0)
+    note_whole(containers, 1, faults, "PostgreSQL stopped, 60 s", seen, began)
 
 
 def test_the_tracking_server_restarted_in_a_training(containers, segments, faults):
-    job = under_training(containers, segments)
+    job = under_training(containers, 2)
+    began = time.monotonic()
     containers.docker("restart", containers.names("tracking")[0])
-    recovered = containers.await_healthy()
     seen = finished(containers, job)
-    require_whole(containers, segments)
-    faults.add("MLflow restarted", seen, recovered, 0, 0)
+    note_whole(containers, 2, faults, "MLflow restarted", seen, began)
 
 
 def test_no_room_for_artifacts_in_a_training(containers, segments, faults):
     make_room = containers.fill_artifacts()
     try:
-        job = containers.finish(containers.submit(command("train", segments)))
-        said = containers.log(job.id)
+        job = containers.finish(containers.submit(training(3)))
     finally:
         make_room()
-    began = time.monotonic()
-    assert finished(containers, containers.submit(command("train", segments))) == "SUCCEEDED"
-    require_whole(containers, segments)
-    word = next(line for line in reversed(said.splitlines()) if line.startswith("lmtr: "))
-    faults.add("no room for artifacts", word, time.monotonic() - began, 0, 0)
+    said = containers.log(job.id)
     assert job.status == "FAILED", said
-    assert "tracking" in word
     assert "Traceback" not in said
+    word = next(line for line in reversed(said.splitlines()) if line.startswith("lmtr: "))
+    assert "tracking" in word
+    began = time.monotonic()
+    again = finished(containers, containers.submit(training(3)))
+    seen = f"{word}; with room, submitted again: {again}"
+    note_whole(containers, 3, faults, "no room for artifacts", seen, began)
 
 
-def under_training(containers, home):
+def test_an_evaluation_loses_a_worker(containers, segments, faults):
+    assert finished(containers, containers.submit(training(4))) == "SUCCEEDED"
+    job = containers.submit(evaluation(4))
+    await_true(lambda: "Rolling out" in containers.log(job), "rollouts")
+    worker = containers.names("worker")[-1]
+    began = time.monotonic()
+    containers.crash(worker)
+    seen = finished(containers, job)
+    containers.await_healthy()
+    taken = containers.query(
+        segments,
+        'SELECT evaluation_id, count(*) AS rows, count(DISTINCT "index") AS courses FROM rollouts '
+        "JOIN evaluations USING (evaluation_id) WHERE training_seed = 4 GROUP BY ALL",
+    )
+    lost = sum(ROLLOUTS - each["courses"] for each in taken)
+    doubled = sum(each["rows"] - each["courses"] for each in taken)
+    word = "worker crashed in an evaluation"
+    faults.add(word, seen, time.monotonic() - began, lost, doubled)
+    assert taken
+    assert (lost, doubled) == (0, 0)
+
+
+def training(seed):
+    """A training that takes some twenty seconds, whose models no other test has."""
+    options = ("--set", f"training.seeds=[{seed}]", "--set", "training.optimizer.epochs=200")
+    return command("train", "/data/reference", *options)
+
+
+def evaluation(seed):
+    """The evaluation of those models."""
+    options = ("--set", f"training.seeds=[{seed}]", "--set", "training.optimizer.epochs=200")
+    return command("evaluate", "/data/reference", *options)
+
+
+def under_training(containers, seed):
     """A training that has begun."""
-    job = containers.submit(command("train", home))
+    job = containers.submit(training(seed))
     await_true(lambda: "Training" in containers.log(job), "training")
     return job
 
@@ -136,10 +187,23 @@ def compared(rows, reference):
     return len(set(reference) - set(rows)), len(rows) - len({index for index, _ in rows})
 
 
-def require_whole(containers, home):
-    """Both models are there, and MLflow has a finished run with metrics and files of each."""
-    told = containers.inside("head", "lmtr", "--home", home, "lake", "check")
-    assert "ok" in told or "whole" in told, told
-    mine = [run for run in containers.runs("training") if home in str(run)]
-    assert mine, "no runs"
-    assert {run["info"]["status"] for run in mine} == {"FINISHED"}
+def note_whole(containers, seed, faults, fault, seen, began):
+    """All models are there once; MLflow has one finished run of each, with metrics and files."""
+    took = time.monotonic() - began
+    containers.await_healthy()
+    runs = [run for run in containers.runs("training") if param(run, "seed") == str(seed)]
+    names = [run["info"]["run_name"] for run in runs]
+    missing = len(MODELS - {name.split(" seed")[0] for name in names})
+    doubled = len(names) - len(set(names))
+    faults.add(fault, seen, took, missing, doubled)
+    assert seen.endswith("SUCCEEDED"), seen
+    assert (missing, doubled) == (0, 0), names
+    for run in runs:
+        assert run["info"]["status"] == "FINISHED"
+        assert {metric["key"] for metric in run["data"]["metrics"]} >= {"best.loss", "train.loss"}
+        assert containers.files(run["info"]["run_id"]), "no files"
+
+
+def param(run, key):
+    """The value of a run's parameter."""
+    return {each["key"]: each["value"] for each in run["data"].get("params", [])}.get(key)
