@@ -210,6 +210,17 @@ class Containers:
             return sum(node["state"] == "ALIVE" for node in told)
         return 0
 
+    def await_work(self, job_id: str) -> None:
+        """Return when processes of a job work on workers."""
+
+        def works() -> bool:
+            job = self.job(job_id)
+            assert job.status not in ENDED, f"{job}: {self.log(job_id)[-1500:]}"
+            actors = self.ask("/api/v0/actors")["data"]["result"]["result"]
+            return any(actor["state"] == "ALIVE" and actor["pid"] for actor in actors)
+
+        await_true(works, f"work of {job_id}")
+
     def query(self, home: str, sql: str) -> list[dict[str, Any]]:
         """What the lake of a home answers."""
         told = self.inside("head", "lmtr", "--home", home, "query", "--format", "json", sql)

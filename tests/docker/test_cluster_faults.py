@@ -136,7 +136,7 @@ def test_no_room_for_artifacts_in_a_training(containers, segments, faults):
 def test_an_evaluation_loses_a_worker(containers, segments, faults):
     assert finished(containers, containers.submit(training(4))) == "SUCCEEDED"
     job = containers.submit(evaluation(4))
-    await_true(lambda: "Rolling out" in containers.log(job), "rollouts")
+    containers.await_work(job)
     worker = containers.names("worker")[-1]
     began = time.monotonic()
     containers.crash(worker)
@@ -170,7 +170,7 @@ def evaluation(seed):
 def under_training(containers, seed):
     """A training that has begun."""
     job = containers.submit(training(seed))
-    await_true(lambda: "Training" in containers.log(job), "training")
+    containers.await_work(job)
     return job
 
 
@@ -190,13 +190,13 @@ def compared(rows, reference):
 def note_whole(containers, seed, faults, fault, seen, began):
     """All models are there once; MLflow has one finished run of each, with metrics and files."""
     took = time.monotonic() - began
+    assert seen.endswith("SUCCEEDED"), seen
     containers.await_healthy()
     runs = [run for run in containers.runs("training") if param(run, "seed") == str(seed)]
     names = [run["info"]["run_name"] for run in runs]
     missing = len(MODELS - {name.split(" seed")[0] for name in names})
     doubled = len(names) - len(set(names))
     faults.add(fault, seen, took, missing, doubled)
-    assert seen.endswith("SUCCEEDED"), seen
     assert (missing, doubled) == (0, 0), names
     for run in runs:
         assert run["info"]["status"] == "FINISHED"
