@@ -12,7 +12,17 @@ export RAY_USAGE_STATS_ENABLED := 0
 export MLFLOW_DISABLE_TELEMETRY := true
 export DO_NOT_TRACK := true
 
-.PHONY: help install demo test lint types test-fast test-slow format clean
+# Of `make cluster`: containers that solve; processors of each, by default all of the machine divided
+# among them; and whether the lake lies in object storage (1).
+WORKERS ?= 2
+WORKER_CPUS ?=
+STORAGE ?=
+CLUSTER := $(PYTHON) docker/cluster.py
+CLUSTER_OPTIONS = --workers $(WORKERS) $(if $(WORKER_CPUS),--cpus $(WORKER_CPUS)) \
+	$(if $(STORAGE),--storage)
+
+.PHONY: help install demo test lint types test-fast test-slow format clean images cluster \
+	cluster-down
 
 help:  ## Show the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -38,6 +48,11 @@ lint: install
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
+	@if command -v hadolint >/dev/null; then hadolint docker/Dockerfile; \
+	elif [ -x $(BIN)/hadolint ]; then $(BIN)/hadolint docker/Dockerfile; \
+	else echo "lint: no hadolint, the Dockerfile is not checked"; fi
+	@if command -v docker-compose >/dev/null || docker compose version >/dev/null 2>&1; \
+	then $(CLUSTER) config; else echo "lint: no Compose, its files are not checked"; fi
 
 types: install
 	$(BIN)/mypy
@@ -47,6 +62,15 @@ test-fast: install
 
 test-slow: install  ## The tests that take minutes
 	$(BIN)/pytest -m slow --durations=15
+
+images:  ## Build the images of the cluster
+	$(CLUSTER) images
+
+cluster:  ## Start a cluster of containers on this machine: WORKERS=2 WORKER_CPUS= STORAGE=
+	$(CLUSTER) up $(CLUSTER_OPTIONS)
+
+cluster-down:  ## Stop it; data stay in its volumes
+	$(CLUSTER) down $(CLUSTER_OPTIONS)
 
 format: install  ## Format the code
 	$(BIN)/ruff check --fix .

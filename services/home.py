@@ -21,7 +21,13 @@ LAKE = "lake"
 """Name of the lakehouse's folder, or the last part of its address."""
 
 TRACKER_VARIABLE = "MLFLOW_TRACKING_URI"
-"""Environment variable that names a tracker which the machines of a shared home have in common."""
+"""Environment variable that names a tracker which the machines of a home in an object store share.
+
+A home in a folder has its own, whatever a user's other work with MLflow has set there.
+"""
+
+CLUSTER_TRACKER_VARIABLE = "LMTR_TRACKING"
+"""Environment variable that names the tracker of all homes, set on the machines of a cluster."""
 
 
 @dataclass(frozen=True)
@@ -32,8 +38,7 @@ class Home:
         root: Absolute path of the folder; of a home in an object store, its companion folder on
             this machine.
         access: The address of a home in an object store, and how it is reached; None of a folder.
-        shared_tracker: URI of the tracker that a home in an object store uses; empty for the
-            home's own.
+        shared_tracker: URI of the tracker that the home shares with others; empty for its own.
     """
 
     root: Path
@@ -56,7 +61,8 @@ class Home:
         """
         if is_address(place):
             return cls._open_remote(Address.parse(str(place)), create)
-        home = cls(Path(os.path.abspath(Path(place).expanduser())))
+        root = Path(os.path.abspath(Path(place).expanduser()))
+        home = cls(root, shared_tracker=os.environ.get(CLUSTER_TRACKER_VARIABLE, ""))
         try:
             home._claim(create)
         except OSError as error:
@@ -150,7 +156,8 @@ class Home:
         _claim_remote(ObjectStore(access), create)
         folder = companion_folder(access)
         make_companion(folder)
-        return cls(folder, access, os.environ.get(TRACKER_VARIABLE, ""))
+        shared = os.environ.get(CLUSTER_TRACKER_VARIABLE) or os.environ.get(TRACKER_VARIABLE, "")
+        return cls(folder, access, shared)
 
     def _claim(self, create: bool) -> None:
         """Check the marker, or set it on a folder that is missing or empty."""

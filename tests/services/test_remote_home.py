@@ -116,6 +116,13 @@ def test_a_named_tracker_takes_the_place_of_the_local_file(place, tmp_path, monk
     assert folder.tracking_uri == f"sqlite:///{folder.root}/mlflow.db"
 
 
+def test_the_tracker_of_a_cluster_is_that_of_all_homes(place, tmp_path, monkeypatch):
+    monkeypatch.setenv("LMTR_TRACKING", "http://cluster:5000")
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", "http://tracker:5000")
+    for home in (place, tmp_path / "home"):
+        assert Home.open(home, create=True).tracking_uri == "http://cluster:5000"
+
+
 @pytest.fixture
 def machines(place, tmp_path, monkeypatch):
     """The models of one home as two machines see them, one with a model of two files."""
