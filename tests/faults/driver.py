@@ -141,7 +141,8 @@ class Driver:
         until = time.monotonic() + 30.0
         while self.runs and time.monotonic() < until:
             self.members()
-            if any([kill(process) for process in playing(role, self.pid)]):
+            killed = [kill(process) for process in playing(role, self.pid)]
+            if any(killed):
                 return
             time.sleep(0.02)
         raise AssertionError(f"no {role} to kill")
