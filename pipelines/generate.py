@@ -1,6 +1,8 @@
 """Stage 1: solve tasks on workers, judge the solutions, append them to the lake."""
 
 import functools
+import logging
+import socket
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
@@ -32,6 +34,8 @@ from services.lake.digest import sealed
 from services.lake.housekeeping import join_files
 from services.lake.schemas import SCHEMAS
 
+logger = logging.getLogger(__name__)
+
 
 class Solver(Protocol):
     """What solves tasks: the expert, or something as good for a test of scale."""
@@ -52,6 +56,8 @@ class SolveWorker:
         self._expert = make_expert(config)
         self._dataset_id = config.dataset_id
         self._cost_key = config.expert.cost_key(config.dataset.robot)
+        if config.cluster.address and (news := _news(self._expert, config)):
+            logger.warning("%s: %s", socket.gethostname(), news)
 
     def __call__(self, index: int) -> tuple[records.Row, Note]:
         """The row of ``solutions`` for the task of this index, and what is counted of it."""
@@ -192,13 +198,23 @@ def _failed(config: Configuration, index: int, error: str) -> tuple[pa.Table, No
 
 
 def _prepare_expert(config: Configuration, make_expert: MakeExpert) -> None:
-    """Compile the expert before the workers start, so that they find it in the cache."""
-    expert = make_expert(config)
-    if not isinstance(expert, Expert):
+    """Compile the expert before the workers start, so that they find it in the cache.
+
+    Hosts of a cluster compile for their own processors, and this one may be none that solves: there
+    it is only seen whether the expert can be built.
+    """
+    if config.cluster.address:
+        Expert(config.dataset.robot, config.expert, None)
         return
-    news = told(expert.build_report, machine_cache(config.cluster.cache))
-    if news:
+    if news := _news(make_expert(config), config):
         say(f"generate: {news}")
+
+
+def _news(expert: Solver, config: Configuration) -> str:
+    """How the expert came to be, as far as people should know."""
+    if not isinstance(expert, Expert):
+        return ""
+    return told(expert.build_report, machine_cache(config.cluster.cache))
 
 
 def _register(config: Configuration, workspace: Workspace) -> None:

@@ -91,6 +91,18 @@ def test_the_folder_named_in_the_configuration_takes_the_compiled_expert(tmp_pat
     assert f"chmod go-w {folder}" in said[1]
 
 
+def test_hosts_of_a_cluster_compile_for_themselves_and_tell_of_it(tmp_path, caplog):
+    folder = tmp_path / "chosen"
+    config = parse({**SHORT, "cluster": {"cache": str(folder), "address": "auto"}})
+    stage._prepare_expert(config, build_expert)
+    assert not folder.exists()
+    stage.SolveWorker(config)
+    stage.SolveWorker(config)
+    assert len(list(folder.glob("expert-*.so"))) == 1
+    (told,) = caplog.messages
+    assert "kept for all later runs" in told
+
+
 PHYSICAL = {
     "linear_residual_peak": 1.0,
     "angular_residual_peak": 5.0,
