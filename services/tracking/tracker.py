@@ -28,6 +28,7 @@ NOISY_LOGGERS = (
     "mlflow.pyfunc",
     "mlflow.store.db.utils",
     "mlflow.store.model_registry.abstract_store",
+    "mlflow.utils.environment",
     "mlflow.utils.validation",
 )
 

@@ -161,6 +161,12 @@ class Containers:
         (found,) = json.loads(self.docker("inspect", container))
         return found
 
+    def address(self, container: str) -> str:
+        """Address on the network of head and workers."""
+        return str(
+            self.inspect(container)["NetworkSettings"]["Networks"][self.network]["IPAddress"]
+        )
+
     @property
     def network(self) -> str:
         """The network of head and workers."""
