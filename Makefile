@@ -22,7 +22,7 @@ CLUSTER_OPTIONS = --workers $(WORKERS) $(if $(WORKER_CPUS),--cpus $(WORKER_CPUS)
 	$(if $(STORAGE),--storage)
 
 .PHONY: help install demo test lint types test-fast test-slow format clean images cluster \
-	cluster-down
+	cluster-down test-cluster
 
 help:  ## Show the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -61,7 +61,10 @@ test-fast: install
 	$(BIN)/pytest -m "not slow" -n 2 --dist loadfile --durations=15
 
 test-slow: install  ## The tests that take minutes
-	$(BIN)/pytest -m slow --durations=15
+	$(BIN)/pytest -m "slow and not containers" --durations=15
+
+test-cluster: install  ## The tests of a cluster of containers, where Docker runs or can be started
+	$(BIN)/pytest -m containers -rs -s --durations=15
 
 images:  ## Build the images of the cluster
 	$(CLUSTER) images

@@ -1,4 +1,4 @@
-"""A data set is the same with any number of workers, and after a driver that was killed."""
+"""A data set is the same with any number of workers, and after Ctrl-C. Other faults: tests/faults."""
 
 import os
 import signal
@@ -18,7 +18,7 @@ NUMBERS = ["index", "status", "accepted", "reject_reasons", "cost", "iterations"
            "footholds", "swing_nodes", "force_nodes"]  # fmt: skip
 
 
-COUNT = 160
+COUNT = 80
 """Solutions: enough that a driver is still at work after its first commit."""
 
 
@@ -60,9 +60,8 @@ def test_two_workers_make_the_same_numbers_as_one(tiny_config, tmp_path, undistu
     assert rows(home) == undisturbed
 
 
-@pytest.mark.parametrize("fault", [signal.SIGINT, signal.SIGKILL])
-def test_a_stopped_driver_is_continued_without_a_lost_or_doubled_row(
-    tiny_config, tmp_path, undisturbed, fault
+def test_after_ctrl_c_a_data_set_is_continued_without_a_lost_or_doubled_row(
+    tiny_config, tmp_path, undisturbed
 ):
     home = tmp_path / "home"
     options = ("--solutions", COUNT, "--workers", 2, "--set", "cluster.commit_items=2")
@@ -70,12 +69,11 @@ def test_a_stopped_driver_is_continued_without_a_lost_or_doubled_row(
     while not committed(home):
         assert driver.poll() is None, "the driver ended before it committed anything"
         time.sleep(0.02)
-    os.killpg(driver.pid, fault)
+    os.killpg(driver.pid, signal.SIGINT)
     _, said = driver.communicate(timeout=60)
-    assert driver.returncode == (130 if fault is signal.SIGINT else -fault)
-    if fault is signal.SIGINT:
-        assert "what was finished is kept" in said
-        assert "Traceback" not in said
+    assert driver.returncode == 130
+    assert "what was finished is kept" in said
+    assert "Traceback" not in said
     assert 0 < len(rows(home)) < COUNT
     assert generate(tiny_config, home, *options).wait() == 0
     assert rows(home) == undisturbed
