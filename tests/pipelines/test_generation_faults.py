@@ -1,4 +1,4 @@
-"""A data set is the same with any number of workers, and after Ctrl-C. Other faults: tests/faults."""
+"""A data set is the same with any number of workers, and after Ctrl-C."""
 
 import os
 import signal
