@@ -1,12 +1,16 @@
 """Model folders: round trip, refusals by name, damage, replacement."""
 
 import dataclasses
+import hashlib
 import json
 import os
+import pickle
 from itertools import count
+from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from lmtr.errors import ModelError
 from lmtr.models.checkpoint import DESCRIPTION, WEIGHTS, load, save
@@ -67,6 +71,32 @@ def test_a_changed_number_is_refused(folder):
     (folder / WEIGHTS).write_bytes(bytes(content))
     with pytest.raises(ModelError, match="SHA-256 differs"):
         load(folder)
+
+
+class Payload:
+    """Leaves a file where it is unpickled."""
+
+    def __init__(self, mark):
+        self._mark = mark
+
+    def __reduce__(self):
+        return (Path.touch, (self._mark,))
+
+
+@pytest.mark.parametrize("dump", [pickle.dump, torch.save])
+def test_a_pickle_in_the_place_of_weights_is_refused_and_not_run(folder, tmp_path, dump):
+    mark = tmp_path / "was run"
+    with (folder / WEIGHTS).open("wb") as file:
+        dump(Payload(mark), file)
+    digest = hashlib.sha256((folder / WEIGHTS).read_bytes()).hexdigest()
+    description = json.loads((folder / DESCRIPTION).read_text()) | {"weights_sha256": digest}
+    (folder / DESCRIPTION).write_text(json.dumps(description))
+    with pytest.raises(ModelError, match=WEIGHTS):
+        load(folder)
+    assert not mark.exists()
+    with (folder / WEIGHTS).open("rb") as file:  # the payload works where pickles are trusted
+        pickle.load(file) if dump is pickle.dump else torch.load(file, weights_only=False)
+    assert mark.exists()
 
 
 @pytest.mark.parametrize("name", [WEIGHTS, DESCRIPTION])

@@ -1,8 +1,11 @@
 """A saved replanner plans as before, in a process that has nothing but its folder."""
 
+import hashlib
 import json
+import pickle
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -77,6 +80,7 @@ BLOCKED = (
 
 ALONE = """
 import sys
+from pathlib import Path
 from importlib.abc import MetaPathFinder
 from pathlib import Path
 
@@ -144,3 +148,29 @@ def test_damage_and_misfits_are_refused_by_name(models, walk_segments, tmp_path)
     with pytest.raises(ModelError, match="name the folder of a saved replanner"):
         artifact.load(tmp_path / "nowhere")
     assert not list(tmp_path.glob(".*"))
+
+
+def test_a_pickle_among_its_files_is_refused_and_not_run(models, walk_segments, tmp_path):
+    folder, mark = tmp_path / "r", tmp_path / "was run"
+    artifact.save(folder, models[3], walk_segments, WEIGHTS, ANYMAL)
+    evil = pickle.dumps(Evil(mark))
+    (folder / artifact.LIBRARY).write_bytes(evil)
+    description = json.loads((folder / artifact.DESCRIPTION).read_text())
+    description["library_sha256"] = hashlib.sha256(evil).hexdigest()
+    (folder / artifact.DESCRIPTION).write_text(json.dumps(description))
+    (folder / "python_model.pkl").write_bytes(evil)
+    with pytest.raises(ModelError, match=artifact.LIBRARY):
+        artifact.load(folder)
+    assert not mark.exists()
+    pickle.loads(evil)
+    assert mark.exists()
+
+
+class Evil:
+    """Leaves a file where it is unpickled."""
+
+    def __init__(self, mark):
+        self._mark = mark
+
+    def __reduce__(self):
+        return (Path.touch, (self._mark,))
