@@ -5,18 +5,14 @@ import platform
 import shutil
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from importlib import import_module, metadata
 from pathlib import Path
 
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
-
 from lmtr import __version__
 from lmtr.expert.shared_library import c_compiler
+from pipelines.checkup.finding import Finding, healthy, show
 from pipelines.config import Configuration
-from pipelines.expert import cache_fault
+from pipelines.expert_cache import cache_fault, compiled_sizes
 from pipelines.provenance import code_version
 from pipelines.sections import ClusterSection
 from pipelines.workspace import Workspace
@@ -46,36 +42,11 @@ LOW_DISK_GB = 5.0
 SLOW_STORE_S = 0.3
 
 
-@dataclass(frozen=True)
-class Finding:
-    """One thing looked at.
-
-    Attributes:
-        subject: What was looked at.
-        state: What was found.
-        mend: What to do about it; empty where all is well.
-        fatal: Whether work fails without it.
-    """
-
-    subject: str
-    state: str
-    mend: str = ""
-    fatal: bool = False
-
-
-def examine(place: str, config: Configuration) -> bool:
+def examine(place: str, config: Configuration, *, form_json: bool = False) -> bool:
     """Print the findings for the home at ``place``; returns whether nothing fatal was found."""
-    table = Table(title=f"LMTR {__version__}", header_style="bold")
-    for column in ("", "what", "state", "what to do"):
-        table.add_column(column, overflow="fold")
-    healthy = True
-    for look in _LOOKS:
-        for finding in look(place, config.cluster):
-            mark = "✗" if finding.fatal else "!" if finding.mend else "✓"
-            table.add_row(mark, *map(Text, (finding.subject, finding.state, finding.mend)))
-            healthy = healthy and not finding.fatal
-    Console().print(table)
-    return healthy
+    findings = [finding for look in _LOOKS for finding in look(place, config.cluster)]
+    show(f"LMTR {__version__}", findings, form_json=form_json)
+    return healthy(findings)
 
 
 def _interpreter(_: str, __: ClusterSection) -> Iterator[Finding]:
@@ -113,7 +84,7 @@ def _expert(_: str, cluster: ClusterSection) -> Iterator[Finding]:
         "" if compiler else "install gcc: without it the expert takes four times as long",
     )
     folder = machine_cache(cluster.cache)
-    built = [entry.stat().st_size for entry in folder.glob("*.so")]
+    built = compiled_sizes(folder)
     mend = cache_fault(folder)
     state = f"{len(built)} ({sum(built) / 1e6:.1f} MB)" if built else "none yet"
     yield Finding("compiled experts", f"{state} in {folder}", mend)

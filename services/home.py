@@ -62,7 +62,7 @@ class Home:
         if is_address(place):
             return cls._open_remote(Address.parse(str(place)), create)
         root = Path(os.path.abspath(Path(place).expanduser()))
-        home = cls(root, shared_tracker=os.environ.get(CLUSTER_TRACKER_VARIABLE, ""))
+        home = cls(root, shared_tracker=shared_tracker(place))
         try:
             home._claim(create)
         except OSError as error:
@@ -140,7 +140,7 @@ class Home:
             StoreError: The object store refuses writes, or is not safe for two writers.
         """
         if self.access is not None:
-            probe.require_conditional_writes(_lake_access(self.access))
+            probe.require_conditional_writes(lake_access(self.access))
         try:
             with tempfile.TemporaryFile(dir=self.root) as file:
                 file.write(b"?")
@@ -156,8 +156,7 @@ class Home:
         _claim_remote(ObjectStore(access), create)
         folder = companion_folder(access)
         make_companion(folder)
-        shared = os.environ.get(CLUSTER_TRACKER_VARIABLE) or os.environ.get(TRACKER_VARIABLE, "")
-        return cls(folder, access, shared)
+        return cls(folder, access, shared_tracker(str(address)))
 
     def _claim(self, create: bool) -> None:
         """Check the marker, or set it on a folder that is missing or empty."""
@@ -184,6 +183,12 @@ class Home:
         os.replace(partial, self.root / MARKER)
 
 
+def shared_tracker(place: Path | str) -> str:
+    """URI of the tracker that a home at this folder or address would share; empty for its own."""
+    named = os.environ.get(CLUSTER_TRACKER_VARIABLE, "")
+    return named or (os.environ.get(TRACKER_VARIABLE, "") if is_address(place) else "")
+
+
 def _claim_remote(store: ObjectStore, create: bool) -> None:
     """Check the marker in a store, or set it where there is nothing else."""
     name, marker = str(store.access.address), store.get(MARKER)
@@ -195,13 +200,13 @@ def _claim_remote(store: ObjectStore, create: bool) -> None:
             foreign = [key for key in keys if key != f"{LAKE}/{probe.KEY}"]
             require_unclaimed(name, foreign, create=create)
     if create:
-        probe.require_conditional_writes(_lake_access(store.access))
+        probe.require_conditional_writes(lake_access(store.access))
     if marker is None:
         store.put_new(MARKER, CONTENT.encode())
         marker = store.get(MARKER)
     require_known(name, marker or b"")
 
 
-def _lake_access(access: Access) -> Access:
+def lake_access(access: Access) -> Access:
     """The access to the lake of a home: commits to it are what must be safe."""
     return replace(access, address=access.address / LAKE)

@@ -16,8 +16,8 @@ import tempfile
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Self
 
@@ -41,6 +41,9 @@ PORTS = (
 )
 """Ports whose defaults another Ray on this machine has."""
 
+AGENT_PORTS = PORTS[2:5]
+"""Those of them that a node without a head has too."""
+
 
 class RayHead:
     """A head that runs inside a ``with`` statement.
@@ -49,16 +52,18 @@ class RayHead:
         folder: For the token, the settings of a user, and the log.
         home: ``LMTR_HOME`` of its machine.
         cpus: Processors that it offers.
+        closed: Whether it wants a token.
 
     Attributes:
         token_file: With the token that it has now.
         settings: A user's settings file whose default profile is this head.
     """
 
-    def __init__(self, folder: Path, home: Path, cpus: int = 2) -> None:
+    def __init__(self, folder: Path, home: Path, cpus: int = 2, *, closed: bool = True) -> None:
         self._log = folder / "head.log"
         self._home = home
         self._cpus = cpus
+        self._closed = closed
         self._process: subprocess.Popen[bytes] | None = None
         self._temporary = ""
         self._seen: dict[int, psutil.Process] = {}
@@ -135,6 +140,39 @@ class RayHead:
             shutil.rmtree(self._temporary, ignore_errors=True)
             assert left == [], left
 
+    @contextmanager
+    def worker(self, cpus: int, environment: Mapping[str, str | None]) -> Iterator[None]:
+        """Another node of the cluster on this machine, there for the block.
+
+        Args:
+            cpus: Processors that it offers.
+            environment: Variables that differ on its machine; None for one that it lacks.
+        """
+        agents = dict(zip(AGENT_PORTS, _free_ports(len(AGENT_PORTS)), strict=True))
+        command = [
+            str(Path(sys.executable).with_name("ray")),
+            *("start", "--block", "--disable-usage-stats", "--node-ip-address=127.0.0.1"),
+            f"--address=127.0.0.1:{self._ports['--port']}",
+            *(f"{option}={port}" for option, port in agents.items()),
+            *(f"--num-cpus={cpus}", "--object-store-memory=100000000"),
+        ]
+        theirs = {**self._environment(), **environment}
+        kept = {name: value for name, value in theirs.items() if value is not None}
+        with self._log.open("ab") as log:
+            process = subprocess.Popen(
+                command, stdout=log, stderr=log, env=kept, start_new_session=True
+            )
+        try:
+            self._await(nodes=2)
+            yield
+        finally:
+            members = family(process.pid)
+            end_all(members)
+            process.wait()
+            left = left_over(members, ENDING_S)
+            assert left == [], left
+            self._await()
+
     def look(self) -> None:
         """Note all processes there are, so that those which lose their parent are found too."""
         if self._process is not None:
@@ -145,14 +183,14 @@ class RayHead:
         return {
             **{name: value for name, value in os.environ.items() if not name.startswith("RAY_")},
             **ENVIRONMENT,
-            "RAY_AUTH_MODE": "token",
+            "RAY_AUTH_MODE": "token" if self._closed else "disabled",
             "RAY_AUTH_TOKEN_PATH": str(self.token_file),
             "LMTR_HOME": str(self._home),
             "PATH": path,
         }
 
-    def _await(self) -> None:
-        """Wait until the head knows its own machine: before that it refuses jobs."""
+    def _await(self, nodes: int = 1) -> None:
+        """Wait until the head knows so many nodes; without its own it refuses jobs."""
         request = urllib.request.Request(
             f"{self.url}/api/v0/nodes",
             headers={"Authorization": f"Bearer {self.token_file.read_text()}"},
@@ -163,7 +201,8 @@ class RayHead:
             assert self._process is not None
             assert self._process.poll() is None, self._told()
             with suppress(urllib.error.URLError, OSError):
-                if '"ALIVE"' in urllib.request.urlopen(request, timeout=5.0).read().decode():
+                told = urllib.request.urlopen(request, timeout=5.0).read().decode()
+                if told.count('"ALIVE"') == nodes:
                     return
             time.sleep(0.3)
         raise AssertionError(f"no head at {self.url}: {self._told()}")

@@ -14,6 +14,7 @@ def register(app: typer.Typer) -> None:
     app.command(rich_help_panel=panel)(ui)
     app.command(rich_help_panel=panel)(doctor)
     app.command(hidden=True)(versions)
+    app.command(hidden=True)(examine)
 
 
 def ui(
@@ -34,13 +35,45 @@ def doctor(
     config: ConfigOption = None,
     overrides: SetOption = None,
     home: HomeOption = None,
+    cluster: Annotated[
+        bool, typer.Option("--cluster", help="Look over a cluster instead of this machine.")
+    ] = False,
+    url: Annotated[
+        str | None,
+        typer.Argument(
+            help="With --cluster: address of its dashboard, http://HOST:8265. "
+            "[default: the profile's]",
+            show_default=False,
+        ),
+    ] = None,
+    form_json: Annotated[bool, typer.Option("--json", help="As JSON, for programs.")] = False,
 ) -> None:
-    """Say what is installed, what is compiled, what can be reached, and how to mend the rest."""
+    """Say what is installed, what is compiled, what can be reached, and how to mend the rest.
+
+    With `--cluster` of a cluster: is it reached, who is let in, and for each of its nodes
+    versions, clock, memory, room, compiler; the home and MLflow as its head sees them.
+    """
+    if cluster:
+        from pipelines.checkup.cluster import examine as examine_cluster
+
+        if config is not None or overrides:
+            raise typer.BadParameter("--config and --set are about this machine, not a --cluster")
+        healthy = examine_cluster(lambda: options.target(ctx, url, home), form_json=form_json)
+        raise typer.Exit(0 if healthy else 1)
+    if url is not None:
+        raise typer.BadParameter(f"to look over the cluster at {url}, put --cluster before it")
     from pipelines.doctor import examine
 
     settings = options.configuration(config, overrides)
-    healthy = examine(options.resolve_home(ctx, home), settings)
+    healthy = examine(options.resolve_home(ctx, home), settings, form_json=form_json)
     raise typer.Exit(0 if healthy else 1)
+
+
+def examine(ctx: typer.Context) -> None:
+    """Print what a cluster tells `lmtr doctor --cluster` of itself, as one line of JSON."""
+    from pipelines.checkup.examine import say_report
+
+    typer.echo(say_report(options.named_home(ctx)))
 
 
 def versions() -> None:

@@ -83,12 +83,13 @@ def resolve_home(ctx: typer.Context, home: str | None) -> str:
 
     It stays text: as a path, an address would lose one of its slashes.
     """
+    return home if home is not None else named_home(ctx) or DEFAULT_HOME
+
+
+def named_home(ctx: typer.Context) -> str:
+    """The home given before the command, else in LMTR_HOME; empty if neither names one."""
     before: str | None = ctx.find_root().params.get("home")
-    if home is not None:
-        return home
-    if before is not None:
-        return before
-    return os.environ.get("LMTR_HOME") or DEFAULT_HOME
+    return before if before is not None else os.environ.get("LMTR_HOME", "")
 
 
 def target(ctx: typer.Context, cluster: str | None, home: str | None = None) -> "Target":

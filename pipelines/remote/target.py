@@ -1,7 +1,7 @@
 """Which cluster a command is about, how it is entered, and where its home is."""
 
 import shlex
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from services.cluster.head import Head
 from services.cluster.jobs import Jobs
@@ -18,11 +18,15 @@ class Target:
         jobs: Its jobs.
         home: The home as its machines see it; none leaves it to their ``LMTR_HOME``.
         options: What the user typed to choose it, for commands that are suggested.
+        profile: Name of the profile that was looked at; empty for none.
+        tracking: Address of the MLflow server that the profile names.
     """
 
     jobs: Jobs
     home: str | None
     options: tuple[str, ...] = ()
+    profile: str = ""
+    tracking: str | None = None
 
     @property
     def url(self) -> str:
@@ -55,9 +59,10 @@ def find_target(
     options = tuple(word for pair in typed.items() if pair[1] for word in pair if word)
     found = None if cluster is not None and profile is None else find_profile(profile)
     if found is not None:
-        known = found[1]
+        name, known = found
         token = Token.find(known.token_file)
-        return _target(cluster or known.cluster, token, home or known.home, options)
+        chosen = _target(cluster or known.cluster, token, home or known.home, options)
+        return replace(chosen, profile=name, tracking=known.tracking)
     if cluster is not None:
         return _target(cluster, Token.find(), home, options)
     raise ProfileError(

@@ -84,22 +84,27 @@ def require_same(ours: Versions, theirs: Versions, url: str) -> None:
     Raises:
         ClusterError: They differ; says which and what to do.
     """
-    pairs = (
-        ("LMTR", ours.lmtr, theirs.lmtr),
-        ("Ray", ours.ray, theirs.ray),
-        ("Python", _minor(ours.python), _minor(theirs.python)),
-    )
-    differing = [
-        f"{name} {there} where this client has {here}"
-        for name, here, there in pairs
-        if here != there
-    ]
+    differing = differences(ours, theirs)
     if differing:
         raise ClusterError(
             f"cluster {url}: it has {', '.join(differing)}; run the cluster from this version's "
             f"image, or install here what it has (lmtr=={theirs.lmtr}, ray=={theirs.ray}, Python "
             f"{_minor(theirs.python)}), or submit all the same with --any-version"
         )
+
+
+def differences(ours: Versions, theirs: Versions) -> list[str]:
+    """What keeps a client and a cluster from understanding each other, in words."""
+    pairs = (
+        ("LMTR", ours.lmtr, theirs.lmtr),
+        ("Ray", ours.ray, theirs.ray),
+        ("Python", _minor(ours.python), _minor(theirs.python)),
+    )
+    return [
+        f"{name} {there} where this client has {here}"
+        for name, here, there in pairs
+        if here != there
+    ]
 
 
 def say_versions() -> str:

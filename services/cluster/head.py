@@ -9,6 +9,7 @@ import asyncio
 import contextlib
 import json
 import os
+import ssl
 from collections.abc import AsyncIterator, Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -18,12 +19,15 @@ import aiohttp
 from services.cluster.token import Token
 from services.cluster.url import checked_url
 from services.errors import ClusterError, ClusterLostError, ClusterRefusedError
+from services.tls import tls_fault
 
 CONNECT_S = 5.0
 """How long the head may take to be reached at all."""
 
 ANSWER_S = 60.0
 """How long it may take to answer; a busy one starts its first agent meanwhile."""
+
+CHECK_IT_RUNS = "check that the cluster runs and that this is the address of its head's dashboard"
 
 HEARTBEAT_S = 15.0
 """While a log is followed, a head that is silent for so long is given up."""
@@ -54,17 +58,19 @@ class Head:
     Args:
         url: Of its dashboard, ``http://HOST:8265``.
         token: The token, if there is one.
+        answer_s: How long it may take to answer (s); that of a busy one by default.
 
     Raises:
         ClusterError: The address is none.
     """
 
-    def __init__(self, url: str, token: Token | None = None) -> None:
+    def __init__(self, url: str, token: Token | None = None, answer_s: float | None = None) -> None:
         try:
             self.url = checked_url(url)
         except ValueError as error:
             raise ClusterError(f"cluster {url!r}: {error}") from error
-        self._token = token
+        self.token = token
+        self._answer_s = answer_s
 
     def ask(self, method: str, path: str, body: object = None, data: bytes | None = None) -> Answer:
         """Send a request; what Ray has to say against it is left to the caller.
@@ -107,7 +113,7 @@ class Head:
         asyncio.run(self._listen(path, heard))
 
     async def _ask(self, method: str, path: str, body: object, data: bytes | None) -> Answer:
-        limit = aiohttp.ClientTimeout(total=ANSWER_S, sock_connect=CONNECT_S)
+        limit = aiohttp.ClientTimeout(total=self._answer_s or ANSWER_S, sock_connect=CONNECT_S)
         async with self._session(limit) as session:
             sent = session.request(
                 method, self.url + path, json=body, data=data, allow_redirects=False
@@ -142,6 +148,8 @@ class Head:
         except aiohttp.ServerDisconnectedError as error:
             raise self._silent("it hangs up") from error
         except aiohttp.ClientConnectorError as error:
+            if isinstance(error.os_error, ssl.SSLError):
+                raise self._silent(*tls_fault(error.os_error)) from error
             raise self._silent(_reason(error.os_error)) from error
         except TimeoutError as error:
             raise self._silent("no answer in time") from error
@@ -152,26 +160,23 @@ class Head:
 
     @property
     def _headers(self) -> Mapping[str, str]:
-        return {} if self._token is None else {"Authorization": f"Bearer {self._token.value}"}
+        return {} if self.token is None else {"Authorization": f"Bearer {self.token.value}"}
 
     def _require_admitted(self, status: int) -> None:
-        if status == 401 and self._token is None:
+        if status == 401 and self.token is None:
             raise ClusterRefusedError(
                 f"cluster {self.url}: it wants a token, and none is named; set token_file in the "
                 "profile, or RAY_AUTH_TOKEN_PATH to a file with the token of the cluster's head"
             )
         if status in (401, 403):
-            source = "none" if self._token is None else self._token.source
+            source = "none" if self.token is None else self.token.source
             raise ClusterRefusedError(
                 f"cluster {self.url}: it refuses the token from {source}: a wrong one, or one of "
                 "an earlier start of the cluster; copy the present one from the cluster's head"
             )
 
-    def _silent(self, reason: str) -> ClusterLostError:
-        return ClusterLostError(
-            f"cluster {self.url}: it cannot be reached ({reason}); check that the cluster runs "
-            "and that this is the address of its head's dashboard"
-        )
+    def _silent(self, reason: str, mend: str = CHECK_IT_RUNS) -> ClusterLostError:
+        return ClusterLostError(f"cluster {self.url}: it cannot be reached ({reason}); {mend}")
 
     def _no_dashboard(self, reason: str) -> ClusterError:
         return ClusterError(

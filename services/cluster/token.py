@@ -25,10 +25,12 @@ class Token:
     Attributes:
         value: The secret; left out of what is printed of this object.
         source: Where it was found, for people.
+        file: The file that it was read from, if it was.
     """
 
     value: str = field(repr=False)
     source: str
+    file: Path | None = None
 
     @classmethod
     def read(cls, file: Path) -> "Token":
@@ -47,7 +49,7 @@ class Token:
                 f"token file {file} cannot be read ({reason}); mend its path or its permissions, "
                 "or copy the token from the cluster's head"
             ) from error
-        return cls._checked(value, f"{file} (written {written})")
+        return cls._checked(value, f"{file} (written {written})", file)
 
     @classmethod
     def find(
@@ -75,10 +77,10 @@ class Token:
         return None
 
     @classmethod
-    def _checked(cls, value: str, source: str) -> "Token":
+    def _checked(cls, value: str, source: str, file: Path | None = None) -> "Token":
         if not WORD.fullmatch(value):
             raise ClusterRefusedError(
                 f"token from {source}: it is none, which is one word of at most {LIMIT} letters "
                 "and digits; copy it from the cluster's head"
             )
-        return cls(value, source)
+        return cls(value, source, file)

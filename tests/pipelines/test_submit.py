@@ -151,7 +151,7 @@ def test_profile_slips_are_told(lmtr, settings):
 
 def test_the_token_of_a_profile_goes_to_no_other_cluster():
     def token(target):
-        return target.jobs.head._token
+        return target.jobs.head.token
 
     assert token(find_target()).value == "secret-of-the-profile"
     assert token(find_target(cluster="http://other:8265")) is None

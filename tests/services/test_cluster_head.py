@@ -2,21 +2,30 @@
 
 import http.server
 import socket
+import ssl
 import threading
 from contextlib import contextmanager
+from datetime import UTC, datetime, timedelta
 
 import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 
 from services.cluster import head as module
 from services.cluster.head import Head
 from services.cluster.jobs import Jobs
 from services.cluster.token import Token
-from services.errors import ClusterError, ClusterLostError, ClusterRefusedError
+from services.errors import ClusterError, ClusterLostError, ClusterRefusedError, TrackingError
+from services.tracking.server import look_at_server
 
 
 @contextmanager
-def served(handler):
+def served(handler, context=None):
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
+    if context is not None:
+        server.socket = context.wrap_socket(server.socket, server_side=True)
     threading.Thread(target=server.serve_forever, daemon=True).start()
     try:
         yield f"http://127.0.0.1:{server.server_port}"
@@ -62,6 +71,33 @@ def test_a_port_that_nobody_listens_at(tmp_path):
 def test_a_name_that_is_nobodys():
     with pytest.raises(ClusterLostError, match="cannot be reached"):
         Jobs(Head("http://nobody.invalid:8265")).ray_version()
+
+
+@pytest.fixture
+def self_signed(tmp_path):
+    """A certificate that nobody vouches for, with its key."""
+    key, subject = ec.generate_private_key(ec.SECP256R1()), x509.Name([])
+    now = datetime.now(UTC)
+    made = (
+        x509.CertificateBuilder(subject, subject, key.public_key(), 1, now, now + timedelta(1))
+        .sign(key, hashes.SHA256())
+        .public_bytes(Encoding.PEM)
+    )
+    file = tmp_path / "server.pem"
+    file.write_bytes(made + key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()))
+    return file
+
+
+def test_a_certificate_that_is_not_trusted_and_a_port_without_tls(self_signed):
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(self_signed)
+    with served(Page, context) as url:
+        with pytest.raises(ClusterLostError, match=r"not trusted: self-signed.*; .*SSL_CERT_FILE"):
+            Jobs(Head(url.replace("http:", "https:"))).ray_version()
+        with pytest.raises(TrackingError, match=r"not trusted: self-signed.*; .*SERVER_CERT_PATH"):
+            look_at_server(url.replace("http:", "https:"))
+    with served(Page) as url, pytest.raises(ClusterLostError, match=r"; write http://"):
+        Jobs(Head(url.replace("http:", "https:"))).ray_version()
 
 
 def test_a_port_that_never_answers(monkeypatch):
