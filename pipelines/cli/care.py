@@ -23,8 +23,20 @@ def ui(
         int, typer.Option("--port", "-p", min=1, max=65535, help="Port on this machine.")
     ] = 5000,
     home: HomeOption = None,
+    cluster: Annotated[
+        bool, typer.Option("--cluster", help="Say where the pages of the cluster in use are.")
+    ] = False,
 ) -> None:
-    """Open MLflow's web page on the runs of the home (stop it with Ctrl-C)."""
+    """Open MLflow's web page on the runs of the home (stop it with Ctrl-C).
+
+    With `--cluster`, or a `--profile` before the command, it is the page of that cluster, which its
+    own server shows.
+    """
+    if cluster or options.names_profile(ctx):
+        from pipelines.remote.pages import show_pages
+
+        show_pages(options.target(ctx, None))
+        return
     from pipelines.ui import serve
 
     serve(options.archive(ctx, home), port)

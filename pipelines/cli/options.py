@@ -92,6 +92,13 @@ def named_home(ctx: typer.Context) -> str:
     return before if before is not None else os.environ.get("LMTR_HOME", "")
 
 
+def names_profile(ctx: typer.Context) -> bool:
+    """Whether a profile is named before the command or in ``LMTR_PROFILE``."""
+    from services.profiles import PROFILE_VARIABLE
+
+    return bool(ctx.find_root().params.get("profile") or os.environ.get(PROFILE_VARIABLE))
+
+
 def target(ctx: typer.Context, cluster: str | None, home: str | None = None) -> "Target":
     """The cluster that the options name, for a command that is about one.
 
