@@ -187,6 +187,7 @@ class LocalCluster:
             f"cluster: profile `local` is in {settings_file()}\n"
             f"  lmtr {profile}submit run demo       the whole path, on the cluster\n"
             f"  lmtr {profile}status                nodes, jobs, rows so far\n"
+            f"  lmtr {profile}doctor --cluster      whether all is well, and how to mend the rest\n"
             f"  {tracking}          experiments\n"
             f"  {head}          Ray's dashboard; its token: {SECRETS / 'ray_token'}\n"
             "  make cluster-down           stop it; data stay"
