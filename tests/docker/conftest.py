@@ -8,7 +8,7 @@ import pytest
 from tests.docker import engine
 from tests.docker.containers import Containers
 
-SOLUTIONS = 100
+SOLUTIONS = 240
 ROLLOUTS = 4
 MODELS = {"unimodal", "LMTR-2"}
 
@@ -38,7 +38,7 @@ address = "auto"
 commit_items = 8
 commit_seconds = 1.0
 """
-"""The expert as it is, so that a data set takes half a minute, and small commits."""
+"""The expert as it is, so that a data set takes a minute, and small commits."""
 
 
 @dataclass

@@ -15,8 +15,7 @@ UNDER_WAY = SOLUTIONS // 8
 
 def test_a_worker_killed_in_the_middle(containers, reference, faults):
     home = "/data/killed"
-    job = containers.submit(command("generate", home))
-    containers.await_rows(home, UNDER_WAY, job)
+    job = under_generation(containers, home)
     worker = containers.names("worker")[-1]
     containers.docker("kill", worker)
     began = time.monotonic()
@@ -24,19 +23,19 @@ def test_a_worker_killed_in_the_middle(containers, reference, faults):
     missed = time.monotonic() - began
     before = len(containers.rows(home))
     containers.await_rows(home, min(before + 8, SOLUTIONS), job)
+    moved = time.monotonic() - began
     seen = finished(containers, job)
     lost, doubled = compared(containers.rows(home), reference)
-    faults.add("worker killed", f"{seen}; missed after {missed:.0f} s", missed, lost, doubled)
+    faults.add("worker killed", f"{seen}; missed after {missed:.0f} s", moved, lost, doubled)
     containers.docker("start", worker)
     containers.await_healthy()
     assert (lost, doubled) == (0, 0)
-    assert missed < 45.0
+    assert moved < 45.0
 
 
 def test_a_worker_off_the_network_for_a_minute(containers, reference, faults):
     home = "/data/cut"
-    job = containers.submit(command("generate", home))
-    containers.await_rows(home, UNDER_WAY, job)
+    job = under_generation(containers, home)
     worker = containers.names("worker")[-1]
     containers.docker("network", "disconnect", containers.network, worker)
     began = time.monotonic()
@@ -57,8 +56,7 @@ def test_a_worker_off_the_network_for_a_minute(containers, reference, faults):
 
 def test_the_head_killed_and_the_job_submitted_again(containers, reference, faults):
     home = "/data/beheaded"
-    job = containers.submit(command("generate", home))
-    containers.await_rows(home, UNDER_WAY, job)
+    under_generation(containers, home)
     containers.crash(containers.names("head")[0])
     kept = len(containers.rows(home)) if containers.alive() else UNDER_WAY
     recovered = containers.await_healthy()
@@ -71,8 +69,7 @@ def test_the_head_killed_and_the_job_submitted_again(containers, reference, faul
 
 def test_the_head_told_to_end(containers, reference, faults):
     home = "/data/ended"
-    job = containers.submit(command("generate", home))
-    containers.await_rows(home, UNDER_WAY, job)
+    under_generation(containers, home)
     head = containers.names("head")[0]
     began = time.monotonic()
     containers.docker("stop", "--time", "120", head)
@@ -85,7 +82,7 @@ def test_the_head_told_to_end(containers, reference, faults):
     lost, doubled = compared(containers.rows(home), reference)
     word = f"{kept} of {SOLUTIONS} kept; submitted again: {seen}"
     faults.add("head told to end (SIGTERM)", word, took, lost, doubled)
-    assert kept > UNDER_WAY
+    assert UNDER_WAY < kept < SOLUTIONS
     assert (lost, doubled) == (0, 0)
 
 
@@ -165,6 +162,14 @@ def evaluation(seed):
     """The evaluation of those models."""
     options = ("--set", f"training.seeds=[{seed}]", "--set", "training.optimizer.epochs=200")
     return command("evaluate", "/data/reference", *options)
+
+
+def under_generation(containers, home):
+    """A generation that has made something, and has more to make."""
+    job = containers.submit(command("generate", home))
+    containers.await_rows(home, UNDER_WAY, job)
+    assert containers.job(job).status == "RUNNING"
+    return job
 
 
 def under_training(containers, seed):
