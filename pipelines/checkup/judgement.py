@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pipelines.checkup.finding import Finding
 from pipelines.checkup.nodes import GB, judged_nodes, room_fault
 from pipelines.checkup.report import ClusterReport, HomeReport, TrackerReport
-from pipelines.remote.versions import Versions, differences
+from pipelines.remote.versions import Versions, differences, remarks
 from services.cluster.clock import Offset
 
 LOW_HOME = 5e9
@@ -41,14 +41,14 @@ def _versions(ours: Versions, theirs: Versions) -> Iterator[Finding]:
             "versions of jobs",
             ", ".join(differing),
             f"run the cluster from this version's image, or install here lmtr=={theirs.lmtr}, "
-            f"ray=={theirs.ray}, Python {theirs.python}",
+            f"ray=={theirs.ray}",
             fatal=True,
         )
-    elif ours.code != theirs.code:
+    elif remarked := remarks(ours, theirs):
         yield Finding(
             "versions of jobs",
-            f"code {theirs.code} where this client has {ours.code}",
-            "update whichever is older, if what lies between them matters",
+            ", ".join(remarked),
+            "jobs need no more than this; update whichever is older, if the difference matters",
         )
     else:
         yield Finding(

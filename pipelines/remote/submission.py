@@ -14,7 +14,13 @@ from pipelines.config import source_text
 from pipelines.progress import say
 from pipelines.provenance import code_version
 from pipelines.remote.target import Target
-from pipelines.remote.versions import Versions, cluster_versions, require_same
+from pipelines.remote.versions import (
+    Versions,
+    cluster_versions,
+    differences,
+    remarks,
+    require_same,
+)
 from services.errors import ClusterError, JobExistsError
 
 STAGE = "lmtr.stage"
@@ -123,14 +129,16 @@ def _require_versions(target: Target, any_version: bool) -> None:
         theirs = ours.model_copy(update={"ray": ray_version})
         require_same(ours, theirs, target.url)
     theirs = cluster_versions(target)
+    if differences(ours, theirs) or (target.home is None and not theirs.home):
+        theirs = cluster_versions(target, anew=True)
     try:
         require_same(ours, theirs, target.url)
     except ClusterError as error:
         if not any_version:
             raise
         say(f"warning: {error}")
-    if theirs.code != ours.code:
-        say(f"note: the cluster's code is {theirs.code}, this client's {ours.code}")
+    for remark in remarks(ours, theirs):
+        say(f"note: the cluster has {remark}")
     if target.home is None and not theirs.home:
         raise ClusterError(
             f"cluster {target.url}: no home is named and its machines have no LMTR_HOME; give "

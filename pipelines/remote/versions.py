@@ -17,8 +17,8 @@ from services.errors import ClusterError
 PURPOSE = "lmtr.purpose"
 ASKING = "versions"
 
-FRESH_S = 3600.0
-"""An answer of a cluster holds for so long; a head that is started anew has forgotten it."""
+FRESH_S = 900.0
+"""An answer that suits us holds for so long; a head that is started anew has forgotten it."""
 
 PATIENCE_S = 60.0
 
@@ -57,14 +57,18 @@ class Versions(BaseModel):
         )
 
 
-def cluster_versions(target: Target) -> Versions:
+def cluster_versions(target: Target, *, anew: bool = False) -> Versions:
     """Those of a cluster, which a small job on its head tells; an answer of late is taken again.
+
+    Args:
+        target: The cluster.
+        anew: Take no earlier answer: nobody is refused for what may have been mended since.
 
     Raises:
         ClusterError: The cluster does not answer, or has no LMTR that can tell.
     """
     known = [job for job in target.jobs.list() if job.noted(PURPOSE) == ASKING and _fresh(job)]
-    job = known[-1] if known else _ask(target)
+    job = known[-1] if known and not anew else _ask(target)
     log = target.jobs.log(job.id or "")
     for line in reversed(log.splitlines()):
         try:
@@ -79,7 +83,9 @@ def cluster_versions(target: Target) -> Versions:
 
 
 def require_same(ours: Versions, theirs: Versions, url: str) -> None:
-    """Refuse a cluster with other versions of LMTR, Ray, or Python but for its last figure.
+    """Refuse a cluster with other versions of LMTR or Ray.
+
+    A job is a command and a file of text, so Python need not be the same on both sides.
 
     Raises:
         ClusterError: They differ; says which and what to do.
@@ -88,18 +94,23 @@ def require_same(ours: Versions, theirs: Versions, url: str) -> None:
     if differing:
         raise ClusterError(
             f"cluster {url}: it has {', '.join(differing)}; run the cluster from this version's "
-            f"image, or install here what it has (lmtr=={theirs.lmtr}, ray=={theirs.ray}, Python "
-            f"{_minor(theirs.python)}), or submit all the same with --any-version"
+            f"image, or install here what it has (lmtr=={theirs.lmtr}, ray=={theirs.ray}), or "
+            "submit all the same with --any-version"
         )
 
 
 def differences(ours: Versions, theirs: Versions) -> list[str]:
     """What keeps a client and a cluster from understanding each other, in words."""
-    pairs = (
-        ("LMTR", ours.lmtr, theirs.lmtr),
-        ("Ray", ours.ray, theirs.ray),
-        ("Python", _minor(ours.python), _minor(theirs.python)),
-    )
+    return _compared(("LMTR", ours.lmtr, theirs.lmtr), ("Ray", ours.ray, theirs.ray))
+
+
+def remarks(ours: Versions, theirs: Versions) -> list[str]:
+    """What differs between a client and a cluster and hinders neither, in words."""
+    pythons = (_minor(ours.python), _minor(theirs.python))
+    return _compared(("code", ours.code, theirs.code), ("Python", *pythons))
+
+
+def _compared(*pairs: tuple[str, str, str]) -> list[str]:
     return [
         f"{name} {there} where this client has {here}"
         for name, here, there in pairs

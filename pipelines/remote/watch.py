@@ -1,5 +1,6 @@
 """How a submitted job goes on: its log as it grows, its end, and stopping it."""
 
+import re
 from contextlib import ExitStack
 from datetime import UTC, datetime, timedelta
 
@@ -15,6 +16,9 @@ from services.errors import ClusterError, ClusterLostError, LeftRunningError, Un
 
 INTERRUPTED = "lmtr: interrupted"
 """How the last line of a command begins that was stopped and has finished what was under way."""
+
+COLOUR = re.compile(r"\x1b\[[0-9;]*m")
+CONTROL = re.compile(r"[\x00-\x08\x0a-\x1f\x7f-\x9f]")
 
 SLACK_S = 30.0
 """A job that was stopped is killed in time; so much longer its end may take to be noted."""
@@ -36,8 +40,9 @@ class LogView:
     def __exit__(self, *_: object) -> None:
         self._stack.close()
 
-    def line(self, text: str) -> None:
-        """Show a line."""
+    def line(self, written: str) -> None:
+        """Show a line that somebody's job wrote, without what would steer the terminal."""
+        text = printable(written)
         if self._live is not None and Progressed.read(text) is not None:
             self._live.update(Text(text, no_wrap=True, overflow="ellipsis"))
         else:
@@ -135,8 +140,15 @@ def _require_success(target: Target, job: Job, command: str) -> None:
     if job.status is JobStatus.STOPPED:
         raise ClusterError(f"job {job.id} was stopped after {lasted}; {again}")
     written = [line for line in target.jobs.log(job.id or "").splitlines() if line.strip()]
-    why = written[-1].removeprefix("lmtr: ") if written else job.message or "it says nothing"
+    last = printable(written[-1]).removeprefix("lmtr: ") if written else ""
+    why = last or job.message or "it says nothing"
     raise ClusterError(f"job {job.id} failed after {lasted}: {why}; mend that and {again}")
+
+
+def printable(text: str) -> str:
+    """Text without colours, and with its other control characters written out."""
+    plain = COLOUR.sub("", text)
+    return CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), plain)
 
 
 def spoken(time: timedelta | None) -> str:

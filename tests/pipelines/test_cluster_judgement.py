@@ -92,7 +92,6 @@ def test_a_cluster_that_is_well_is_well_in_one_line_a_subject():
     [
         ({"lmtr": "0.2.0"}, "LMTR 0.1.0 where this client has 0.2.0"),
         ({"ray": "2.1.0"}, "Ray 2.60.0 where this client has 2.1.0"),
-        ({"python": "3.12.1"}, "Python 3.11 where this client has 3.12"),
     ],
 )
 def test_other_versions_of_the_client_are_a_fault(other, words):
@@ -100,9 +99,11 @@ def test_other_versions_of_the_client_are_a_fault(other, words):
     only(found, "versions of jobs", Grade.FAULT, words, "lmtr==0.1.0", "image")
 
 
-def test_another_commit_is_a_warning_and_the_last_figure_of_python_nothing():
+def test_another_commit_or_python_is_a_warning_and_the_last_figure_of_python_nothing():
     found = bad(ours=HERE.model_copy(update={"code": "0.1.0+fed"}))
     only(found, "versions of jobs", Grade.WARNING, "code 0.1.0+abc where this client has 0.1.0+fed")
+    found = bad(ours=HERE.model_copy(update={"python": "3.12.1"}))
+    only(found, "versions of jobs", Grade.WARNING, "Python 3.11 where this client has 3.12")
     assert bad(ours=HERE.model_copy(update={"python": "3.11.2"})) == []
 
 

@@ -16,7 +16,7 @@ from pipelines.progress import Progressed
 from pipelines.remote import submission as module
 from pipelines.remote.tables import latest_progress
 from pipelines.remote.target import find_target
-from pipelines.remote.versions import Versions, require_same
+from pipelines.remote.versions import Versions, remarks, require_same
 from pipelines.remote.watch import LogView, spoken
 from services.errors import ClusterError, ProfileError
 
@@ -162,15 +162,15 @@ def test_the_token_of_a_profile_goes_to_no_other_cluster():
         find_target(home="x")
 
 
-def test_versions_are_compared_up_to_pythons_last_figure():
+def test_other_versions_of_lmtr_and_ray_are_refused_and_of_python_remarked():
     ours = Versions(lmtr="1.0", code="1.0", ray="2.60.0", python="3.11.7")
     require_same(ours, ours.model_copy(update={"python": "3.11.2", "code": "1.0+ab"}), "here")
     theirs = ours.model_copy(update={"python": "3.12.7", "lmtr": "1.1"})
     with pytest.raises(ClusterError) as caught:
         require_same(ours, theirs, "http://there")
-    assert "LMTR 1.1 where this client has 1.0, Python 3.12 where this client has 3.11" in str(
-        caught.value
-    )
+    assert "LMTR 1.1 where this client has 1.0" in str(caught.value)
+    assert "Python" not in str(caught.value)
+    assert remarks(ours, theirs) == ["Python 3.12 where this client has 3.11"]
     assert "Ray 2" not in str(caught.value)
     assert "lmtr==1.1" in str(caught.value)
 
@@ -213,6 +213,17 @@ def shown(terminal: bool) -> str:
         for line in LOG:
             view.line(line)
     return file.getvalue()
+
+
+def test_what_would_steer_the_terminal_is_written_out():
+    steering = "a\x1b]52;c;ZXZpbA==\x07b\x1b[2J\x9b2J\ttab \x1b[31mred\x1b[0m"
+    file = io.StringIO()
+    with LogView(Console(file=file, width=200, highlight=False)) as view:
+        view.line(steering)
+    written = file.getvalue()
+    assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]", written)
+    assert r"\x1b[2J" in written
+    assert written.endswith("red\n")
 
 
 def test_a_log_in_a_file_keeps_every_line():
