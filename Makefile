@@ -21,7 +21,7 @@ CLUSTER := $(PYTHON) docker/cluster.py
 CLUSTER_OPTIONS = --workers $(WORKERS) $(if $(WORKER_CPUS),--cpus $(WORKER_CPUS)) \
 	$(if $(STORAGE),--storage)
 
-.PHONY: help install demo test lint types test-fast test-slow format clean images cluster \
+.PHONY: help python install demo test lint types test-fast test-slow format clean images cluster \
 	cluster-down test-cluster
 
 help:  ## Show the targets
@@ -29,9 +29,11 @@ help:  ## Show the targets
 
 install: $(STAMP)  ## Create .venv and install the project with pinned versions
 
-$(STAMP): pyproject.toml constraints.txt
+python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "make: Python 3.11 or newer is needed; name one with PYTHON=python3.11"; exit 1; }
+
+$(STAMP): pyproject.toml constraints.txt | python
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || \
 		{ echo "make: Python's venv is missing; install it, e.g. apt-get install python3-venv"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
@@ -66,13 +68,13 @@ test-slow: install  ## The tests that take minutes
 test-cluster: install  ## The tests of a cluster of containers, where Docker runs or can be started
 	$(BIN)/pytest -m containers -rs -s --durations=15
 
-images:  ## Build the images of the cluster
+images: python  ## Build the images of the cluster
 	$(CLUSTER) images
 
-cluster:  ## Start a cluster of containers on this machine: WORKERS=2 WORKER_CPUS= STORAGE=
+cluster: python  ## Start a cluster of containers on this machine: WORKERS=2 WORKER_CPUS= STORAGE=
 	$(CLUSTER) up $(CLUSTER_OPTIONS)
 
-cluster-down:  ## Stop it; data stay in its volumes
+cluster-down: python  ## Stop it; data stay in its volumes
 	$(CLUSTER) down $(CLUSTER_OPTIONS)
 
 format: install  ## Format the code
