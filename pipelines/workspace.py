@@ -44,7 +44,8 @@ class Workspace:
     @cached_property
     def tracker(self) -> Tracker:
         """The experiment tracker of the home."""
-        return Tracker(self.home.tracking_uri, self.home.artifacts)
+        home = self.home
+        return Tracker(home.tracking_uri, home.artifacts, home.name if home.shared_tracker else "")
 
     def cluster(self, items: int, few: int = 0) -> Cluster:
         """A cluster for ``items`` pieces of work; use it in a ``with`` statement.

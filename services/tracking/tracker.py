@@ -1,6 +1,7 @@
 """Experiments and runs, by explicit ids: nothing hangs on which run is active in the process."""
 
 import fcntl
+import hashlib
 import logging
 import os
 import warnings
@@ -21,6 +22,9 @@ if TYPE_CHECKING:
 
 IDENTITY = "identity"
 """Tag by which a run is found to go on with."""
+
+HOME = "home"
+"""Tag with the home that a run is of, where several share a tracker."""
 
 NOISY_LOGGERS = (
     "alembic",
@@ -47,11 +51,14 @@ class Tracker:
     Args:
         uri: MLflow's tracking URI, such as ``sqlite:////home/mlflow.db`` or that of a server.
         artifacts: Folder for the files of runs; made when it is needed, and not with a server.
+        home: Which home's runs these are, where several share the tracker: its place; empty where
+            it has one of its own.
     """
 
-    def __init__(self, uri: str, artifacts: Path) -> None:
+    def __init__(self, uri: str, artifacts: Path, home: str = "") -> None:
         self.uri = uri
         self.artifacts = artifacts
+        self._home = home
 
     def experiment(self, name: str) -> str:
         """Id of the experiment ``name``, which is made, or taken out of the bin, if need be.
@@ -85,7 +92,10 @@ class Tracker:
             parent: Id of the run that it belongs to from now on.
             began: When the work of a new run began (s since 1970); now by default.
         """
-        own = {} if identity is None else {IDENTITY: identity}
+        identity = self._own(identity)
+        own = {IDENTITY: identity} if identity else {}
+        if self._home:
+            own[HOME] = self._home
         tags = {**tags, **_links(parent), **own}
         with reported(f"run {name!r}"):
             run, known = self._going_on(experiment_id, identity, tags) or self._begun(
@@ -95,6 +105,12 @@ class Tracker:
             with reported(f"run {name!r}"):
                 run.params(flat(params), known)
             yield run
+
+    def _own(self, identity: str | None) -> str | None:
+        """An identity that no run of another home has: two may train the same settings."""
+        if identity is None or not self._home:
+            return identity
+        return f"{identity}@{hashlib.sha256(self._home.encode()).hexdigest()[:8]}"
 
     def _going_on(
         self, experiment_id: str, identity: str | None, tags: Mapping[str, str]

@@ -183,3 +183,17 @@ def test_the_page_is_served_to_this_machine_alone(tmp_path):
         "MLFLOW_DISABLE_TELEMETRY": "true",
         "DO_NOT_TRACK": "true",
     }
+
+
+def test_homes_that_share_a_tracker_have_runs_of_their_own(tracker, reader):
+    experiment = tracker.experiment("shared")
+    ids = []
+    for place in ("/data/a", "/data/b", "/data/a"):
+        theirs = Tracker(tracker.uri, tracker.artifacts, place)
+        with theirs.run(experiment, "lmtr-6", {}, {}, identity="lmtr-6-s0-abc") as run:
+            ids.append(run.id)
+    assert ids[0] == ids[2] != ids[1]
+    assert [reader.get_run(run_id).data.tags["home"] for run_id in ids[:2]] == [
+        "/data/a",
+        "/data/b",
+    ]
