@@ -63,10 +63,10 @@ test-fast: install
 	$(BIN)/pytest -m "not slow" -n 2 --dist loadfile --durations=15
 
 test-slow: install  ## The tests that take minutes
-	$(BIN)/pytest -m "slow and not containers" --durations=15
+	$(BIN)/pytest -m "slow and not cluster" --durations=15
 
-test-cluster: install  ## The tests of a cluster of containers, where Docker runs or can be started
-	$(BIN)/pytest -m containers -rs -s --durations=15
+test-cluster: install  ## The tests of clusters: a Ray head, containers where Docker is, SLURM where it is
+	$(BIN)/pytest -m cluster -rs -s --durations=15
 
 images: python  ## Build the images of the cluster
 	$(CLUSTER) images

@@ -8,7 +8,7 @@ import pytest
 from lmtr import __version__
 from pipelines.provenance import code_version
 
-pytestmark = [pytest.mark.slow, pytest.mark.containers]
+pytestmark = [pytest.mark.slow, pytest.mark.cluster]
 
 PUBLISHED = {"head": "8265/tcp", "tracking": "5000/tcp"}
 

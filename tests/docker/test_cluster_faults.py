@@ -7,7 +7,7 @@ import pytest
 from tests.docker.conftest import MODELS, ROLLOUTS, SOLUTIONS, command
 from tests.docker.containers import await_true
 
-pytestmark = [pytest.mark.slow, pytest.mark.containers]
+pytestmark = [pytest.mark.slow, pytest.mark.cluster]
 
 OUTAGE_S = 60.0
 UNDER_WAY = SOLUTIONS // 8

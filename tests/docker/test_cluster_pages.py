@@ -8,7 +8,7 @@ import pytest
 
 from tests.docker.conftest import MODELS, SOLUTIONS, command
 
-pytestmark = [pytest.mark.slow, pytest.mark.containers]
+pytestmark = [pytest.mark.slow, pytest.mark.cluster]
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 PATIENCE_MS = 60_000.0

@@ -16,7 +16,7 @@ from ray_head import RayHead
 from pipelines.checkup import cluster as module
 from tests.faults.driver import PATIENCE_S
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.cluster]
 
 STUCK = """
 import time

@@ -5,7 +5,7 @@ import pytest
 from tests.faults.driver import require_complete, require_one_line, rows
 from tests.remote.conftest import await_rows
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.cluster]
 
 
 def test_the_same_submission_completes_the_data_set_after_the_head_died(

@@ -18,7 +18,7 @@ from services.errors import JobExistsError
 from tests.faults.driver import PATIENCE_S, committed, require_complete, require_one_line, rows
 from tests.remote.conftest import COUNT, await_rows, interrupted
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.cluster]
 
 
 def listed_jobs(head: RayHead) -> list:

@@ -15,7 +15,7 @@ from benchmarks.processes import left_over
 from tests.faults.driver import CONFIGURATION, committed, finish, require_equal, rows
 from tests.slurm.daemons import Slurm
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.cluster]
 
 SCRIPT = Path(__file__).parents[2] / "clusters" / "slurm" / "lmtr.sbatch"
 
