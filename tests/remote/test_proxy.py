@@ -53,14 +53,14 @@ ADA = basic("ada", "lovelace")
 
 
 @contextmanager
-def nginx(folder, ports):
+def nginx(folder, changes):
     """Nginx with the repository's configuration, other ports in the place of its own."""
     text = CONFIGURATION.read_text()
-    for ours, theirs in ports.items():
+    for ours, theirs in changes.items():
         assert ours in text, ours
         text = text.replace(ours, str(theirs))
     (folder / "nginx.conf").write_text(text)
-    only_here = f"daemon off; pid {folder}/pid; error_log {folder}/error.log;"
+    only_here = f"daemon off; error_log {folder}/error.log;"
     command = ["nginx", "-c", folder / "nginx.conf", "-g", only_here]
     process = subprocess.Popen(command)
     try:
@@ -89,6 +89,7 @@ def proxy(head, tmp_path_factory):
     tracking = free_port(), free_port()
     with mlflow_server(tmp_path_factory.mktemp("mlflow")) as server:
         ports = {
+            "pid lmtr-proxy.pid": f"pid {folder}/pid",
             "5443": tracking[0],
             "8443": tracking[1],
             "127.0.0.1:8265": head.url.removeprefix("http://"),
