@@ -1,12 +1,17 @@
 """`lmtr ui`: whether it is about a home or a cluster, and where a cluster's pages are."""
 
 import http.server
+import json
 import threading
+import urllib.error
+import urllib.request
 
 import pytest
 from tracking_server import free_port, mlflow_server
 
 from pipelines import ui
+from services.home import Home
+from services.tracking import ui_command
 
 TOKEN = "0123456789abcdef"
 
@@ -68,6 +73,31 @@ def test_the_pages_of_a_cluster_are_named_and_the_token_is_not(lmtr, server, pro
     assert "http://127.0.0.1:1/#/jobs" in said
     assert "/token (written" in said
     assert TOKEN not in out + said
+
+
+def status_of(request):
+    try:
+        return urllib.request.urlopen(request, timeout=10.0).status
+    except urllib.error.HTTPError as error:
+        return error.code
+
+
+@pytest.mark.slow
+def test_the_server_of_a_homes_page_refuses_other_names_and_other_pages(server, tmp_path):
+    # It is started with no more than these, so what is refused is up to MLflow.
+    options = ui_command(Home.open(tmp_path / "home", create=True))[4:]
+    assert {word for word in options if word.startswith("--")} == {
+        *("--backend-store-uri", "--default-artifact-root", "--host", "--port", "--workers")
+    }
+    for headers, status in (
+        ({}, 200),
+        ({"Host": "stranger.example"}, 403),
+        ({"Origin": "http://stranger.example"}, 403),
+    ):
+        body = json.dumps({"name": f"of {headers}"}).encode()
+        sent = {"Content-Type": "application/json", **headers}
+        request = urllib.request.Request(f"{server}/api/2.0/mlflow/experiments/create", body, sent)
+        assert status_of(request) == status, headers
 
 
 def test_a_home_that_is_typed_is_this_machines(opened, tiny_home, monkeypatch):
