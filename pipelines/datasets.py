@@ -8,6 +8,7 @@ from lmtr.errors import ConfigurationError, DataError
 from pipelines.config import Configuration, parse
 from pipelines.progress import say
 from pipelines.workspace import Workspace
+from services.files import is_file_name
 
 DECIDING = ("dataset", "tasks", "expert", "quality")
 """Sections of a configuration that decide the rows of a data set."""
@@ -34,6 +35,10 @@ def resolve(workspace: Workspace, dataset_id: str | None, preferred: str | None 
         raise DataError(
             f"data set {wanted!r} is not in this home; make it with `lmtr generate`, or choose "
             f"with --dataset one of: {', '.join(known)}"
+        )
+    if not is_file_name(wanted):  # reports and pictures are called by it
+        raise DataError(
+            f"data set {wanted!r}: none can be called that; use no home whose tables say so"
         )
     return str(wanted)
 

@@ -19,6 +19,8 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from pipelines.terminal import printable
+
 LOG_EVERY_S = 15.0
 """Seconds between two progress lines when the output is no terminal."""
 
@@ -127,4 +129,4 @@ def bar(title: str, total: int | None, done: int = 0) -> Iterator[Bar]:
 
 def say(message: str) -> None:
     """Print one line of news about the work, on standard error."""
-    console.print(message, markup=False, soft_wrap=True)
+    console.print(printable(message), markup=False, soft_wrap=True)

@@ -10,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from lmtr.errors import ConfigurationError
+from pipelines.terminal import printable_text
 from pipelines.workspace import Workspace
 from services.lake.queries import plan, streamed, write_result
 from services.lake.schemas import MADE_BY
@@ -90,9 +91,11 @@ def _rows(result: pa.Table, limit: int) -> Table:
     table = Table(header_style="bold")
     for field in result.schema:
         numeric = pa.types.is_integer(field.type) or pa.types.is_floating(field.type)
-        table.add_column(Text(field.name), justify="right" if numeric else "left", overflow="fold")
+        table.add_column(
+            printable_text(field.name), justify="right" if numeric else "left", overflow="fold"
+        )
     for row in result.slice(0, limit).to_pylist():
-        table.add_row(*(Text(_cell(value)) for value in row.values()))
+        table.add_row(*(printable_text(_cell(value)) for value in row.values()))
     return table
 
 
@@ -102,7 +105,7 @@ def _records(result: pa.Table, limit: int) -> Iterator[Table]:
         table.add_column(style="bold", no_wrap=True)
         table.add_column(overflow="fold")
         for name, value in row.items():
-            table.add_row(Text(name), Text(_cell(value)))
+            table.add_row(printable_text(name), printable_text(_cell(value)))
         yield table
 
 

@@ -10,6 +10,7 @@ from pipelines.progress import say
 from pipelines.workspace import Workspace
 from services.errors import TrackingError
 from services.tracking import is_server, ui_command, ui_environment
+from services.tracking.server import shown
 
 
 def serve(workspace: Workspace, port: int) -> None:
@@ -19,14 +20,16 @@ def serve(workspace: Workspace, port: int) -> None:
         TrackingError: The port is taken, or the server ended by itself.
     """
     if is_server(workspace.tracker.uri):
-        say(f"MLflow: {workspace.tracker.uri} is the page of these runs")
+        uri = shown(workspace.tracker.uri)
+        say(f"MLflow of the home {workspace.home.name}: {uri} is the page of its runs")
         return
     _require_free(port)
     tracker = workspace.tracker
     experiment = tracker.experiment("evaluation")
     # Without the last part MLflow opens on its pages for language models.
     page = f"http://127.0.0.1:{port}/#/experiments/{experiment}/runs"
-    say(f"MLflow: {page}?workflowType=machine_learning (Ctrl-C stops it)")
+    said = f"{page}?workflowType=machine_learning"
+    say(f"MLflow of the home {workspace.home.name}: {said} (Ctrl-C stops it)")
     environment = {**os.environ, **ui_environment()}
     server = subprocess.Popen(
         ui_command(workspace.home, port), env=environment, start_new_session=True

@@ -8,6 +8,11 @@ from pathlib import Path
 from services.errors import OutputError
 
 
+def is_file_name(text: str) -> bool:
+    """Whether a text names something in a folder, and leads nowhere else."""
+    return text not in ("", ".", "..") and not {"/", "\\", "\0"} & set(text)
+
+
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
     """Give a path to write to, which takes the place of ``path`` when the block ends well.

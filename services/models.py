@@ -6,7 +6,8 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from services.errors import StoreError
+from services.errors import HomeError, StoreError
+from services.files import is_file_name
 from services.home import Home
 from services.objects.store import ObjectStore
 
@@ -25,7 +26,16 @@ class ModelStore:
         self._home = home
 
     def folder(self, model_id: str) -> Path:
-        """Folder of a model on this machine, whether it is there or not."""
+        """Folder of a model on this machine, whether it is there or not.
+
+        Raises:
+            HomeError: Its id, which may come from a table that others wrote, is the name of none.
+        """
+        if not is_file_name(model_id):
+            raise HomeError(
+                f"home {self._home.name}: no model can be called {model_id!r}; use no home whose "
+                "tables say so"
+            )
         return self._home.models / model_id
 
     def publish(self, model_id: str) -> None:
@@ -72,10 +82,12 @@ class ModelStore:
 
 
 def _listed(store: ObjectStore, model_id: str, content: bytes) -> dict[str, str]:
-    """Digests by file names; a name must stay below the model's folder."""
+    """Digests by file names; a name must stay in the model's folder."""
     try:
         digests: Any = json.loads(content)["sha256"]
-        return {Path(name).name: str(digest) for name, digest in digests.items()}
+        if not all(map(is_file_name, digests)):
+            raise ValueError("it names what is no file of the model")
+        return {name: str(digest) for name, digest in digests.items()}
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise _damaged(store, model_id, WHOLE) from error
 

@@ -11,6 +11,7 @@ home = "/data/home"
 
 import difflib
 import os
+import stat
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
@@ -112,9 +113,16 @@ def load_settings(file: Path) -> UserSettings:
     """Read and check a settings file; one that is not there is empty.
 
     Raises:
-        ProfileError: It cannot be read, is no TOML, or holds a wrong or unknown setting.
+        ProfileError: It cannot be read, all users of the machine may write it, it is no TOML, or
+            holds a wrong or unknown setting.
     """
     try:
+        mode = file.stat().st_mode
+        if stat.S_ISREG(mode) and mode & stat.S_IWOTH:
+            raise ProfileError(
+                f"settings {file}: all users of this machine may write it, and could have your "
+                f"token sent to them; forbid it with `chmod o-w {file}`"
+            )
         tree = tomllib.loads(file.read_text(encoding="utf-8"))
     except FileNotFoundError:
         return UserSettings()

@@ -120,7 +120,8 @@ class RayHead:
             *("--dashboard-host=127.0.0.1", "--node-ip-address=127.0.0.1"),
             *(f"{option}={port}" for option, port in self._ports.items()),
             *(f"--num-cpus={self._cpus}", "--object-store-memory=100000000"),
-            f"--temp-dir={self._temporary}",
+            # Ray opens it to all users of the machine; the folder around it stays closed.
+            f"--temp-dir={self._temporary}/r",
         ]
         with self._log.open("ab") as log:
             self._process = subprocess.Popen(

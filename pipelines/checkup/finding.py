@@ -9,6 +9,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from pipelines.terminal import printable_text
+
 
 class Grade(StrEnum):
     """How bad a finding is."""
@@ -75,6 +77,7 @@ def show(title: str, findings: Sequence[Finding], *, form_json: bool = False) ->
         table.add_column(column, overflow="fold")
     for finding in findings:
         table.add_row(
-            MARKS[finding.grade], *map(Text, (finding.subject, finding.state, finding.mend))
+            MARKS[finding.grade],
+            *map(printable_text, (finding.subject, finding.state, finding.mend)),
         )
     Console().print(table)

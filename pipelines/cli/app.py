@@ -11,6 +11,7 @@ from lmtr import __version__
 from lmtr.errors import LmtrError
 from pipelines.cli import care, cluster, data, lake, stages, submit
 from pipelines.cli.options import HomeOption, ProfileOption
+from pipelines.terminal import printable
 from services.errors import LeftRunningError, ServiceError
 
 EXIT_BAD_INPUT = 2
@@ -78,5 +79,5 @@ def main() -> None:
 
 
 def _complain(message: str) -> None:
-    line = " ".join(message.split())
+    line = " ".join(printable(message).split())
     Console(stderr=True, highlight=False).print(f"lmtr: {line}", markup=False, soft_wrap=True)

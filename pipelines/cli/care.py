@@ -30,9 +30,17 @@ def ui(
     """Open MLflow's web page on the runs of the home (stop it with Ctrl-C).
 
     With `--cluster`, or a `--profile` before the command, it is the page of that cluster, which its
-    own server shows.
+    own server shows. So it is where no home is named and none is here, but the settings file names
+    a cluster. A home that is typed is one of this machine, whatever `LMTR_PROFILE` says.
     """
-    if cluster or options.names_profile(ctx):
+    typed = home if home is not None else ctx.find_root().params.get("home")
+    chosen = cluster or ctx.find_root().params.get("profile") is not None
+    if chosen and typed is not None:
+        raise typer.BadParameter(
+            f"the home {typed} is this machine's, and its page no cluster's; leave out the one or "
+            "the other"
+        )
+    if chosen or (typed is None and options.cluster_in_use(ctx)):
         from pipelines.remote.pages import show_pages
 
         show_pages(options.target(ctx, None))

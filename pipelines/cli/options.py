@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -92,11 +93,19 @@ def named_home(ctx: typer.Context) -> str:
     return before if before is not None else os.environ.get("LMTR_HOME", "")
 
 
-def names_profile(ctx: typer.Context) -> bool:
-    """Whether a profile is named before the command or in ``LMTR_PROFILE``."""
-    from services.profiles import PROFILE_VARIABLE
+def cluster_in_use(ctx: typer.Context) -> bool:
+    """Whether a command that could be about either is about a cluster, where no option says so.
 
-    return bool(ctx.find_root().params.get("profile") or os.environ.get(PROFILE_VARIABLE))
+    It is if ``LMTR_PROFILE`` names a profile, or if no home is named, none is in this folder, and
+    the settings file has a profile of its own.
+    """
+    from services.profiles import PROFILE_VARIABLE, load_settings, settings_file
+
+    if os.environ.get(PROFILE_VARIABLE):
+        return True
+    if named_home(ctx) or Path(DEFAULT_HOME).exists():
+        return False
+    return load_settings(settings_file()).profile is not None
 
 
 def target(ctx: typer.Context, cluster: str | None, home: str | None = None) -> "Target":

@@ -9,7 +9,8 @@ from typing import Literal
 
 from rich.console import Console
 from rich.table import Table
-from rich.text import Text
+
+from pipelines.terminal import printable_text
 
 UNFOLDED_WIDTH = 1000
 """Off a terminal nothing is folded, so that what is printed can be copied and cut."""
@@ -36,7 +37,7 @@ def print_json(value: object) -> None:
 
 def said(message: str) -> None:
     """Print one line of a result."""
-    _console().print(Text(message), soft_wrap=True)
+    _console().print(printable_text(message), soft_wrap=True)
 
 
 def size(nbytes: int) -> str:
@@ -73,7 +74,7 @@ def _print_table(records: Sequence[Record], title: str) -> None:
         # A number that is cut in two is another number.
         table.add_column(name, justify=justify, overflow="fold", no_wrap=numeric)
     for record in records:
-        table.add_row(*(Text(cell(value)) for value in record.values()))
+        table.add_row(*(printable_text(cell(value)) for value in record.values()))
     _console().print(table)
 
 

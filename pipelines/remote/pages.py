@@ -24,7 +24,8 @@ def show_pages(target: Target) -> None:
             f'"http://HOST:5000" into {wanted} of {settings_file()}'
         )
     server = look_at_server(target.tracking)
-    say(f"MLflow {server.version}: {target.tracking}{RUNS}")
+    of = f"profile {target.profile}" if target.profile else f"cluster {target.url}"
+    say(f"MLflow {server.version} of {of}: {target.tracking}{RUNS}")
     token = target.jobs.head.token
-    asks = f" (asks for the token of {token.source})" if token is not None else ""
+    asks = f" (paste the token into its page: {token.source})" if token is not None else ""
     say(f"Ray's dashboard: {target.url}/#/jobs{asks}")

@@ -13,6 +13,7 @@ from pipelines.remote.submission import CONFIGURATION, DATASET, STAGE
 from pipelines.remote.target import Target
 from pipelines.remote.versions import PURPOSE
 from pipelines.remote.watch import spoken
+from pipelines.terminal import printable, printable_text
 from services.cluster.jobs import Job
 from services.cluster.nodes import Node, nodes
 
@@ -42,8 +43,9 @@ def show_jobs(target: Target, *, form_json: bool = False, all_jobs: bool = False
         return
     table = _table("id", "stage", "status", "submitted", "duration", "configuration")
     for job in listed:
-        table.add_row(
-            job.id,
+        _add_row(
+            table,
+            job.id or "-",
             job.noted(STAGE) or "-",
             Text(job.status.lower(), STYLES.get(job.status, "")),
             _local(job.since),
@@ -61,7 +63,7 @@ def show_status(target: Target) -> None:
     """
     ray_version = target.jobs.ray_version()
     console, now = _wide_console(), datetime.now(UTC)
-    console.print(f"{target.url}: Ray {ray_version}", markup=False)
+    console.print(printable(f"{target.url}: Ray {ray_version}"), markup=False)
     console.print(_node_table(nodes(target.jobs.head), now))
     running = [job for job in target.jobs.list() if job.id and not job.ended and _is_work(job)]
     if not running:
@@ -71,7 +73,8 @@ def show_status(target: Target) -> None:
     for job in running:
         at = latest_progress(target.jobs.log(job.id or ""))
         told = ("-", job.status.lower(), "") if at is None else (_count(at), at.title, at.words)
-        table.add_row(job.id, spoken(job.lasted(now)), job.noted(DATASET) or "-", *told)
+        lasted, dataset = spoken(job.lasted(now)), job.noted(DATASET) or "-"
+        _add_row(table, job.id or "-", lasted, dataset, *told)
     console.print(table)
 
 
@@ -84,10 +87,11 @@ def latest_progress(log: str) -> Progressed | None:
 def _node_table(listed: Sequence[Node], now: datetime) -> Table:
     table = _table("node", "address", "state", "since", "processors", "memory (GiB)", "why")
     for node in listed:
-        table.add_row(
+        _add_row(
+            table,
             node.name + (" (head)" if node.is_head else ""),
             node.ip,
-            Text(node.state.lower(), STYLES.get(node.state, "")),
+            Text(printable(node.state.lower()), STYLES.get(node.state, "")),
             f"{spoken(now - node.since)} ago",
             _of(node, "CPU", 1.0),
             _of(node, "memory", GIB),
@@ -138,6 +142,11 @@ def _table(*columns: str) -> Table:
     for column in columns:
         table.add_column(column, overflow="fold")
     return table
+
+
+def _add_row(table: Table, *cells: str | Text) -> None:
+    """Add cells of which the texts come from others."""
+    table.add_row(*(printable_text(cell) if isinstance(cell, str) else cell for cell in cells))
 
 
 def _wide_console() -> Console:

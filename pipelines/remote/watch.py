@@ -1,6 +1,5 @@
 """How a submitted job goes on: its log as it grows, its end, and stopping it."""
 
-import re
 from contextlib import ExitStack
 from datetime import UTC, datetime, timedelta
 
@@ -11,14 +10,12 @@ from rich.text import Text
 from pipelines.progress import Progressed, say
 from pipelines.remote.submission import COMMAND
 from pipelines.remote.target import Target
+from pipelines.terminal import printable
 from services.cluster.jobs import STOP_WAIT_S, Job, JobStatus
 from services.errors import ClusterError, ClusterLostError, LeftRunningError, UnknownJobError
 
 INTERRUPTED = "lmtr: interrupted"
 """How the last line of a command begins that was stopped and has finished what was under way."""
-
-COLOUR = re.compile(r"\x1b\[[0-9;]*m")
-CONTROL = re.compile(r"[\x00-\x08\x0a-\x1f\x7f-\x9f]")
 
 SLACK_S = 30.0
 """A job that was stopped is killed in time; so much longer its end may take to be noted."""
@@ -143,12 +140,6 @@ def _require_success(target: Target, job: Job, command: str) -> None:
     last = printable(written[-1]).removeprefix("lmtr: ") if written else ""
     why = last or job.message or "it says nothing"
     raise ClusterError(f"job {job.id} failed after {lasted}: {why}; mend that and {again}")
-
-
-def printable(text: str) -> str:
-    """Text without colours, and with its other control characters written out."""
-    plain = COLOUR.sub("", text)
-    return CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), plain)
 
 
 def spoken(time: timedelta | None) -> str:

@@ -136,7 +136,9 @@ class RayCluster(Cluster):
                 object_store_memory=OBJECT_STORE_BYTES,
                 logging_level=self._log_level,
                 log_to_driver=False,
-                _temp_dir=folder,
+                # Ray opens its own folder to all users of the machine, who could put their sockets
+                # in the place of its own; the one around it stays closed.
+                _temp_dir=str(Path(folder, "r")),
             )
         except (RuntimeError, ValueError, OSError, TimeoutError) as error:
             raise ClusterError(

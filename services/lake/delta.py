@@ -13,6 +13,7 @@ from deltalake.fs import DeltaStorageHandler
 
 from services.errors import LakeError, LostVersionError
 from services.lake.durable import make_durable
+from services.lake.inside import paths_of, require_inside
 from services.lake.log import entry_path, read_log
 from services.lake.sandbox import absent
 from services.lake.schemas import SCHEMAS, older_versions, version_of
@@ -101,6 +102,8 @@ class DeltaTables:
 
     def dataset(self, table: str, opened: DeltaTable) -> pads.Dataset:
         """An opened table as an Arrow data set; columns that were added later read as null."""
+        if not self.storage.is_remote:
+            require_inside(table, self.storage.folder / table, paths_of(opened))
         dataset = opened.to_pyarrow_dataset(filesystem=self.scanned_files(table))
         names = dataset.schema.names
         added = [field for field in SCHEMAS[table] if field.name not in names]

@@ -2,11 +2,11 @@
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from urllib.parse import unquote
 
 from deltalake import DeltaTable
 
 from services.lake.delta import FIRST_VERSION_KEY, DeltaTables
+from services.lake.inside import paths_of, require_inside
 from services.lake.log import entry_path
 from services.lake.sandbox import Files, Source
 from services.lake.schemas import SCHEMAS, version_of
@@ -96,12 +96,8 @@ def source_of(tables: DeltaTables, table: str, delta: DeltaTable) -> Source:
     schema = SCHEMAS[table]
     made_as = delta.metadata().configuration.get(FIRST_VERSION_KEY)
     if made_as == version_of(schema) and not tables.storage.is_remote:
-        paths = tuple(map(_path, delta.file_uris()))
+        paths = paths_of(delta)
         if paths:
+            require_inside(table, tables.storage.folder / table, paths)
             return Files(paths, tuple(schema.names))
     return tables.dataset(table, delta)
-
-
-def _path(uri: str) -> str:
-    """The path that delta-rs names by a URI of its own."""
-    return unquote(uri.removeprefix("file://"))

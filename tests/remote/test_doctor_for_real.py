@@ -2,19 +2,12 @@
 
 import json
 import os
-import signal
-import socket
-import subprocess
-import sys
-import time
-import urllib.request
-from contextlib import contextmanager, suppress
 
 import pytest
 from ray_head import RayHead
+from tracking_server import mlflow_server
 
 from pipelines.checkup import cluster as module
-from tests.faults.driver import PATIENCE_S
 
 pytestmark = [pytest.mark.slow, pytest.mark.cluster]
 
@@ -38,32 +31,6 @@ def findings(user, *words):
 
 def grades(found) -> set[str]:
     return {each["grade"] for each in found.values()}
-
-
-@contextmanager
-def mlflow_server(folder):
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    command = [sys.executable, "-m", "mlflow", "server", "--host=127.0.0.1", f"--port={port}"]
-    command += [f"--backend-store-uri=sqlite:///{folder}/mlflow.db", "--workers=1"]
-    environment = {**os.environ, "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"}
-    with (folder / "server.log").open("w") as log:
-        server = subprocess.Popen(
-            command, env=environment, stdout=log, stderr=log, start_new_session=True
-        )
-    try:
-        uri, until = f"http://127.0.0.1:{port}", time.monotonic() + PATIENCE_S
-        while time.monotonic() < until:
-            assert server.poll() is None, (folder / "server.log").read_text()
-            with suppress(OSError):
-                if urllib.request.urlopen(f"{uri}/health", timeout=5).status == 200:
-                    break
-            time.sleep(0.2)
-        yield uri
-    finally:
-        os.killpg(server.pid, signal.SIGTERM)
-        server.wait(timeout=30)
 
 
 def test_a_cluster_that_is_well(head, user, cluster_home):

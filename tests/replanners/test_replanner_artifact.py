@@ -1,6 +1,7 @@
 """A saved replanner plans as before, in a process that has nothing but its folder."""
 
 import hashlib
+import importlib
 import json
 import pickle
 import subprocess
@@ -163,6 +164,29 @@ def test_a_pickle_among_its_files_is_refused_and_not_run(models, walk_segments, 
         artifact.load(folder)
     assert not mark.exists()
     pickle.loads(evil)
+    assert mark.exists()
+
+
+def test_what_mlflow_puts_beside_it_is_neither_run_nor_minded(
+    models, walk_segments, tmp_path, monkeypatch
+):
+    folder, mark = tmp_path / "r", tmp_path / "was run"
+    artifact.save(folder, models[3], walk_segments, WEIGHTS, ANYMAL)
+    (tmp_path / "evil_loader.py").write_text(f"open({str(mark)!r}, 'w')\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    evil = pickle.dumps(Evil(mark))
+    for place in (folder, folder / artifact.MODEL):
+        (place / "MLmodel").write_text(
+            "flavors:\n  python_function:\n    loader_module: evil_loader\n"
+            "    python_model: python_model.pkl\n"
+        )
+        for name in ("python_model.pkl", "weights.pt", "model.pkl"):
+            (place / name).write_bytes(evil)
+        (place / "__init__.py").write_text("import evil_loader\n")
+    plans = artifact.load(folder).plan(walk_segments.x[:2])
+    assert np.isfinite(plans).all()
+    assert not mark.exists()
+    importlib.import_module("evil_loader")
     assert mark.exists()
 
 

@@ -4,13 +4,16 @@ import itertools
 import os
 import pickle
 import signal
+import stat
 import sys
 import threading
 import time
 import types
+from pathlib import Path
 
 import pytest
 import ray
+from ray._private import worker
 
 from services.cluster import Cluster, Failure
 from services.errors import ClusterError
@@ -53,6 +56,12 @@ def _runs(pid):
             return file.read().rpartition(")")[2].split()[0] != "Z"
     except FileNotFoundError:
         return False
+
+
+def test_other_users_of_the_machine_reach_no_folder_of_ray(two):
+    session = Path(worker._global_node.get_session_dir_path())
+    assert session.stat().st_mode & stat.S_IWOTH  # Ray's own choice, which is why
+    assert any(folder.stat().st_mode & 0o077 == 0 for folder in session.parents)
 
 
 def test_every_item_comes_back_once_whatever_the_number_of_workers(two):

@@ -1,14 +1,16 @@
 """Queries reach nothing but the lake's tables, although DuckDB may open their files."""
 
+import os
+
 import duckdb
 import numpy as np
 import pyarrow as pa
 import pytest
 
 from services.errors import LakeError
-from services.lake import sources
+from services.lake import sandbox, sources
 from services.lake.delta import DeltaTables
-from services.lake.guard import INFORMATION, SYSTEM
+from services.lake.guard import INFORMATION, SYSTEM, Reading
 from services.lake.queries import query
 from services.lake.schemas import SCHEMAS
 from services.lake.tables import Lake
@@ -90,6 +92,41 @@ def contents(lake: Lake) -> dict[str, bytes]:
         "SET threads = 1",
         "CREATE MACRO m() AS 1",
         "PIVOT datasets ON robot USING count(*)",
+        "SET enable_external_access = true",
+        "RESET lock_configuration",
+        "PRAGMA enable_external_access",
+        "PRAGMA database_list",
+        "EXPORT DATABASE '{0}.d'",
+        "IMPORT DATABASE '{0}.d'",
+        "USE memory",
+        "DETACH memory",
+        "CHECKPOINT",
+        "VACUUM",
+        "CREATE TABLE t AS SELECT 1",
+        "CREATE SECRET s (TYPE s3)",
+        "INSERT INTO datasets FROM datasets",
+        "DROP VIEW datasets",
+        "COMMENT ON VIEW datasets IS 'x'",
+        "PREPARE p AS SELECT 1",
+        "CALL pragma_version()",
+        "SELECT 1; COPY (SELECT 1) TO '{0}'",
+        "FROM duckdb_secrets()",
+        "FROM duckdb_extensions()",
+        "FROM read_json('{0}')",
+        "FROM read_ndjson_objects('{0}')",
+        "FROM sniff_csv('{0}')",
+        "FROM parquet_schema('{0}')",
+        "FROM 'file://{0}'",
+        "FROM 's3://bucket/a.parquet'",
+        "SUMMARIZE '{0}'",
+        "DESCRIBE FROM read_text('{0}')",
+        "FROM datasets, LATERAL (FROM read_text('{0}'))",
+        "FROM datasets ORDER BY (SELECT content FROM read_text('{0}'))",
+        "FROM datasets WHERE getenv('HOME') = ''",
+        "SELECT list_transform([1], x -> getenv('HOME'))",
+        "FROM query_table('datasets')",
+        "FROM json_execute_serialized_sql(json_serialize_sql('SELECT 1'))",
+        "FROM enable_logging()",
     ],
 )
 def test_nothing_but_tables_is_reached(filled, sql):
@@ -99,6 +136,107 @@ def test_nothing_but_tables_is_reached(filled, sql):
         query(filled, sql.format(path))
     assert "\n" not in str(caught.value)
     assert contents(filled) == before
+
+
+@pytest.mark.parametrize(
+    "sql",
+    [
+        "FROM read_text('{0}')",
+        "FROM read_blob('{0}')",
+        "FROM read_csv('{0}')",
+        "FROM '{0}'",
+        "FROM glob('{1}/*')",
+        "FROM read_text('{1}/../*')",
+        "FROM read_csv('http://127.0.0.1:1/a.csv')",
+        "COPY (SELECT 1) TO '{1}/stolen.csv'",
+        "ATTACH '{1}/stolen.db'",
+        "EXPORT DATABASE '{1}/stolen'",
+        "INSTALL httpfs",
+        "LOAD httpfs",
+        "SET enable_external_access = true",
+        "SET lock_configuration = false",
+        "RESET allowed_paths",
+        "SET allowed_directories = ['/']",
+        "SELECT getenv('HOME')",
+        "CREATE SECRET s (TYPE s3)",
+    ],
+)
+def test_duckdb_is_locked_even_for_what_the_look_at_a_statement_would_miss(
+    filled, tmp_path, monkeypatch, sql
+):
+    monkeypatch.setattr(sandbox, "require_reading", lambda *_: Reading(frozenset(), lists=False))
+    outside = tmp_path / "outside"
+    outside.mkdir()
+    (outside / "secret").write_text("the words of the secret")
+    told = []
+    with (
+        pytest.raises(LakeError) as caught,
+        sandbox.evaluated(filled.sources(), sql.format(outside / "secret", outside)) as result,
+    ):
+        told += result.fetchall()
+    assert told == []
+    assert "words" not in str(caught.value)
+    assert [path.name for path in outside.iterdir()] == ["secret"]
+
+
+def as_a_link(file, secret):
+    """A link in the place of a file."""
+    file.unlink()
+    file.symlink_to(secret)
+
+
+def in_a_linked_folder(file, secret):
+    """A link in the place of a folder of the table, which the log leads into."""
+    (file.parent / "part").symlink_to(secret.parent)
+    rename(file, f"part/{secret.name}")
+
+
+def by_the_log(file, secret):
+    """An entry of the log that leads out of the table."""
+    rename(file, os.path.relpath(secret, file.parent))
+
+
+def by_a_whole_path(file, secret):
+    """An entry of the log with the path from the root."""
+    rename(file, f"file://{secret}")
+
+
+def rename(file, name):
+    """Have a table's log call a file by another name."""
+    for entry in (file.parent / "_delta_log").glob("*.json"):
+        entry.write_text(entry.read_text().replace(file.name, name))
+
+
+WAYS = [as_a_link, in_a_linked_folder, by_the_log, by_a_whole_path]
+
+
+@pytest.mark.parametrize("remote", [False, True])
+@pytest.mark.parametrize("lead_out", WAYS)
+def test_a_lake_of_others_cannot_lead_out_of_itself(
+    filled, tmp_path, datasets, monkeypatch, lead_out, remote
+):
+    if remote:  # then Arrow reads, and DuckDB asks it
+        monkeypatch.setattr(sources, "source_of", DeltaTables.dataset)
+    other = Lake(tmp_path / "other" / "lake")
+    other.append("datasets", datasets(["secret"]), app_id="x", number=1)
+    (secret,) = (other.storage.folder / "datasets").glob("*.parquet")
+    (file,) = (filled.storage.folder / "datasets").glob("*.parquet")
+    lead_out(file, secret)
+    asks = (
+        lambda lake: query(lake, "SELECT dataset_id FROM datasets").to_pylist(),
+        lambda lake: lake.read("datasets", ["dataset_id"]).to_pylist(),
+        lambda lake: [batch.to_pylist() for batch in lake.scan("datasets", ["dataset_id"])],
+    )
+    for ask in asks:
+        with pytest.raises(LakeError, match="table 'datasets' cannot be read") as caught:
+            ask(Lake(filled.storage.folder))
+        assert "'secret'" not in str(caught.value)
+    assert query(other, "SELECT dataset_id FROM datasets").num_rows == 1
+
+
+def test_a_table_may_lie_behind_a_link(filled, tmp_path):
+    (tmp_path / "linked").symlink_to(filled.storage.folder)
+    assert query(Lake(tmp_path / "linked"), "FROM datasets").num_rows == 2
 
 
 @pytest.mark.parametrize(

@@ -87,6 +87,15 @@ def test_slips_are_told_with_the_file_and_the_key(write, text, said):
     assert "\n" not in str(caught.value)
 
 
+def test_a_file_that_all_may_write_is_not_believed(write):
+    file = settings_file(write('[profiles.a]\ncluster = "http://a:8265"\n'))
+    file.chmod(0o666)
+    with pytest.raises(ProfileError, match=r"; forbid it with `chmod o-w /.*`$"):
+        load_settings(file)
+    file.chmod(0o664)
+    assert load_settings(file).profiles
+
+
 def test_an_unknown_profile_is_told_with_those_there_are(write):
     with pytest.raises(ProfileError, match=r"'near' is not in .*; choose one of: local, far"):
         find_profile("near", write(FILE))

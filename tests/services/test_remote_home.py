@@ -169,6 +169,18 @@ def test_a_model_that_was_damaged_in_the_store_is_refused_by_file(machines, put)
     assert not there.folder("m").exists()
 
 
+@pytest.mark.parametrize("name", ["../m", "/tmp/m", "a/b", "..", ""])
+def test_no_name_leads_out_of_the_folder_of_models(machines, put, tmp_path, name):
+    _, there = machines
+    with pytest.raises(HomeError, match="no model can be called"):
+        there.fetched(name)
+    before = [path for path in tmp_path.rglob("*") if path.is_file()]
+    put("models/m/whole.json", json.dumps({"sha256": {name: "0" * 64}}).encode())
+    with pytest.raises(StoreError, match=r"whole\.json is missing or damaged"):
+        there.fetched("m")
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == before
+
+
 def test_models_of_a_folder_stay_where_they_are(tmp_path):
     models = ModelStore(Home.open(tmp_path / "home", create=True))
     models.publish("m")
