@@ -9,7 +9,6 @@ head.start()
 import os
 import secrets
 import shutil
-import socket
 import subprocess
 import sys
 import tempfile
@@ -22,6 +21,7 @@ from pathlib import Path
 from typing import Self
 
 import psutil
+from web import free_ports
 
 from benchmarks.processes import end_all, family, left_over
 from services.cluster.ray_cluster import ENVIRONMENT
@@ -67,7 +67,7 @@ class RayHead:
         self._process: subprocess.Popen[bytes] | None = None
         self._temporary = ""
         self._seen: dict[int, psutil.Process] = {}
-        self._ports = dict(zip(PORTS, _free_ports(len(PORTS)), strict=True))
+        self._ports = dict(zip(PORTS, free_ports(len(PORTS)), strict=True))
         self.token_file = folder / "token"
         self.settings = folder / "settings.toml"
         self.settings.write_text(
@@ -149,7 +149,7 @@ class RayHead:
             cpus: Processors that it offers.
             environment: Variables that differ on its machine; None for one that it lacks.
         """
-        agents = dict(zip(AGENT_PORTS, _free_ports(len(AGENT_PORTS)), strict=True))
+        agents = dict(zip(AGENT_PORTS, free_ports(len(AGENT_PORTS)), strict=True))
         command = [
             str(Path(sys.executable).with_name("ray")),
             *("start", "--block", "--disable-usage-stats", "--node-ip-address=127.0.0.1"),
@@ -210,15 +210,3 @@ class RayHead:
 
     def _told(self) -> str:
         return self._log.read_text(errors="replace")[-2000:]
-
-
-def _free_ports(count: int) -> list[int]:
-    """Ports that nobody has at this moment."""
-    probes = [socket.socket() for _ in range(count)]
-    try:
-        for probe in probes:
-            probe.bind(("127.0.0.1", 0))
-        return [probe.getsockname()[1] for probe in probes]
-    finally:
-        for probe in probes:
-            probe.close()

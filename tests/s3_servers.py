@@ -13,11 +13,11 @@ import uuid
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from http.server import BaseHTTPRequestHandler
 from pathlib import Path
-from threading import Thread
 
 import pytest
+from web import free_port, served
 
 BUCKET = "lmtr-tests"
 KEY, SECRET = "TESTKEY", "testsecret"
@@ -175,7 +175,7 @@ def dropping_conditions(server: S3Server) -> Iterator[S3Server]:
 
         do_GET = do_PUT = do_POST = do_DELETE = do_HEAD = answer
 
-    with _served(Proxy) as endpoint:
+    with served(Proxy) as endpoint:
         yield S3Server(endpoint)
 
 
@@ -194,7 +194,7 @@ def losing_an_answer(server: S3Server, name: str) -> Iterator[S3Server]:
 
         do_GET = do_PUT = do_POST = do_DELETE = do_HEAD = answer
 
-    with _served(Gateway) as endpoint:
+    with served(Gateway) as endpoint:
         yield S3Server(endpoint)
     assert lost, f"{name} was never written"
 
@@ -210,7 +210,7 @@ def always_answering(status: int, code: str) -> Iterator[S3Server]:
 
         do_GET = do_PUT = do_POST = answer
 
-    with _served(Refusal) as endpoint:
+    with served(Refusal) as endpoint:
         yield S3Server(endpoint)
 
 
@@ -219,13 +219,6 @@ def never_answering() -> Iterator[S3Server]:
     """A server that takes connections and says nothing."""
     with socket.create_server(("127.0.0.1", 0)) as listening:
         yield S3Server(f"http://127.0.0.1:{listening.getsockname()[1]}")
-
-
-def free_port() -> int:
-    """A port that was free a moment ago."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 DIRECT = urllib.request.build_opener(urllib.request.ProxyHandler({}))
@@ -261,15 +254,6 @@ def _reply(
     handler.send_header("Content-Length", length or str(len(content)))
     handler.end_headers()
     handler.wfile.write(content)
-
-
-@contextmanager
-def _served(handler: type[BaseHTTPRequestHandler]) -> Iterator[str]:
-    handler.log_message = lambda *_: None
-    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        Thread(target=server.serve_forever, daemon=True).start()
-        yield f"http://127.0.0.1:{server.server_port}"
-        server.shutdown()
 
 
 @contextmanager

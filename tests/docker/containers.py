@@ -6,7 +6,6 @@ import re
 import secrets
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -19,6 +18,7 @@ from pathlib import Path
 from typing import Any, Self
 
 import compose_client
+from web import free_ports
 
 from lmtr import __version__
 from tests.docker.engine import build_environment
@@ -64,7 +64,7 @@ class Containers:
         self._project = f"lmtrtest{secrets.token_hex(3)}"
         self._folder = folder
         self._disk = folder / "artifacts"
-        self._head, self._tracking = _free_ports(2)
+        self._head, self._tracking = free_ports(2)
         self.settings = folder / "settings.toml"
         self.up_s = 0.0
         self._docker = compose_client.docker_client()
@@ -330,15 +330,3 @@ def _holds(condition: Callable[[], bool]) -> bool:
     with suppress(OSError, urllib.error.URLError):
         return condition()
     return False
-
-
-def _free_ports(count: int) -> list[int]:
-    """Ports that nobody has at this moment."""
-    probes = [socket.socket() for _ in range(count)]
-    try:
-        for probe in probes:
-            probe.bind(("127.0.0.1", 0))
-        return [probe.getsockname()[1] for probe in probes]
-    finally:
-        for probe in probes:
-            probe.close()

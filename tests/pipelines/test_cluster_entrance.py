@@ -3,10 +3,9 @@
 import http.server
 import json
 import socket
-import threading
-from contextlib import contextmanager
 
 import pytest
+from web import served
 
 from pipelines.checkup.entrance import judged_secrecy
 from pipelines.checkup.finding import Grade
@@ -17,25 +16,11 @@ from services.cluster.token import Token
 from services.home import Home
 
 
-@contextmanager
-def served(handler):
-    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    try:
-        yield f"http://127.0.0.1:{server.server_port}"
-    finally:
-        server.shutdown()
-        server.server_close()
-
-
 class Page(http.server.BaseHTTPRequestHandler):
     def do_GET(self):
         self.send_response(200)
         self.end_headers()
         self.wfile.write(b"<html>hello</html>")
-
-    def log_message(self, *_):
-        pass
 
 
 @pytest.fixture

@@ -7,7 +7,8 @@ import urllib.error
 import urllib.request
 
 import pytest
-from tracking_server import free_port, mlflow_server
+from tracking_server import mlflow_server
+from web import free_port
 
 from pipelines import ui
 from services.home import Home

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from tracking_server import free_port, mlflow_server
+from tracking_server import mlflow_server
+from web import free_ports
 
 pytestmark = pytest.mark.slow
 
@@ -86,18 +87,18 @@ def proxy(head, tmp_path_factory):
     )
     key.chmod(0o600)
     subprocess.run(["htpasswd", "-B", "-b", "-c", folder / "users", "ada", "lovelace"], check=True)
-    tracking = free_port(), free_port()
+    front_mlflow, front_ray = free_ports(2)
     with mlflow_server(tmp_path_factory.mktemp("mlflow")) as server:
         ports = {
             "pid lmtr-proxy.pid": f"pid {folder}/pid",
-            "5443": tracking[0],
-            "8443": tracking[1],
+            "5443": front_mlflow,
+            "8443": front_ray,
             "127.0.0.1:8265": head.url.removeprefix("http://"),
             "127.0.0.1:5000": server.removeprefix("http://"),
         }
         with nginx(folder, ports) as process:
             made = Proxy(
-                f"https://localhost:{tracking[1]}", f"https://localhost:{tracking[0]}", certificate
+                f"https://localhost:{front_ray}", f"https://localhost:{front_mlflow}", certificate
             )
             until = time.monotonic() + 20.0
             while True:

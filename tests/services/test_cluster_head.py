@@ -4,7 +4,6 @@ import http.server
 import socket
 import ssl
 import threading
-from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 
 import pytest
@@ -12,6 +11,7 @@ from cryptography import x509
 from cryptography.hazmat.primitives import hashes
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
+from web import served
 
 from services.cluster import head as module
 from services.cluster.head import Head
@@ -19,19 +19,6 @@ from services.cluster.jobs import Jobs
 from services.cluster.token import Token
 from services.errors import ClusterError, ClusterLostError, ClusterRefusedError, TrackingError
 from services.tracking.server import look_at_server
-
-
-@contextmanager
-def served(handler, context=None):
-    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
-    if context is not None:
-        server.socket = context.wrap_socket(server.socket, server_side=True)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    try:
-        yield f"http://127.0.0.1:{server.server_port}"
-    finally:
-        server.shutdown()
-        server.server_close()
 
 
 class Page(http.server.BaseHTTPRequestHandler):
@@ -44,9 +31,6 @@ class Page(http.server.BaseHTTPRequestHandler):
         self.send_header("Location", "http://127.0.0.2:1/")
         self.end_headers()
         self.wfile.write(b"<html>hello</html>")
-
-    def log_message(self, *_):
-        pass
 
 
 class Missing(Page):

@@ -13,10 +13,10 @@ from s3_servers import (
     S3Server,
     always_answering,
     dropping_conditions,
-    free_port,
     moto_server,
     never_answering,
 )
+from web import free_port
 
 from services.errors import LakeError, StoreError
 from services.home import Home

@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Self
 
 import psutil
+from web import free_ports
 
 from benchmarks.processes import end_all, left_over
 
@@ -161,7 +162,7 @@ class Slurm:
 
     def _configure(self) -> None:
         host = socket.gethostname().partition(".")[0]
-        ports = _free_ports(len(self.names) + 1)
+        ports = free_ports(len(self.names) + 1)
         text = CONFIGURATION.format(
             host=host, port=ports[0], user=getpass.getuser(), folder=self._own
         )
@@ -237,15 +238,3 @@ class Slurm:
 def _program(name: str) -> str | None:
     """Where a program is; daemons are not on every user's path."""
     return shutil.which(name, path=f"{os.environ.get('PATH', '')}:/usr/sbin:/sbin")
-
-
-def _free_ports(count: int) -> list[int]:
-    """Ports that nobody has at this moment."""
-    probes = [socket.socket() for _ in range(count)]
-    try:
-        for probe in probes:
-            probe.bind(("127.0.0.1", 0))
-        return [probe.getsockname()[1] for probe in probes]
-    finally:
-        for probe in probes:
-            probe.close()
