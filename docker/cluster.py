@@ -10,25 +10,28 @@ import os
 import re
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+import compose_settings
 from compose_client import (
+    CLOSED_LOOPBACK,
     HERE,
+    Engine,
     ToolError,
     compose_command,
     compose_files,
     docker_client,
+    find_engine,
     output,
-    require_engine,
     run,
 )
-from preparation import container_user, make_dotenv, make_secrets, use_storage
+from preparation import container_user, make_secrets, use_storage
 from user_profile import settings_file, write_profile
 
 ROOT = HERE.parent
-SECRETS = Path(os.environ.get("LMTR_SECRETS") or HERE / "secrets").absolute()
-DOTENV = HERE / ".env"
+DOTENV = Path(os.environ.get("LMTR_DOTENV") or HERE / ".env")
+PROJECT = "lmtr"
 PATIENCE_S = 300.0
 """How long containers may take until they are healthy."""
 
@@ -36,6 +39,24 @@ HEALTHY = (("running", "healthy"), ("exited", "none"))
 """Statuses and health of containers that do their part, or had one to do and have done it."""
 
 ROLES = ("node", "tracking")
+IMAGES = {
+    "node": "LMTR_NODE_IMAGE",
+    "tracking": "LMTR_TRACKING_IMAGE",
+    "database": "LMTR_DATABASE_IMAGE",
+}
+"""Variables that name the image of each role."""
+
+KEPT = (
+    "COMPOSE_PROJECT_NAME",
+    "COMPOSE_PROFILES",
+    "LMTR_UID",
+    "LMTR_WORKER_CPUS",
+    "LMTR_WORKER_CPU_LIMIT",
+    "LMTR_CLUSTER_HOME",
+    "LMTR_SECRETS",
+)
+"""What a start by hand must know to mean the same cluster."""
+
 BUILD_ARGUMENTS = ("BASE_IMAGE", "TORCH_INDEX")
 """What may be set in the environment for a machine that reaches no registry or index."""
 
@@ -73,20 +94,35 @@ class LocalCluster:
             raise ValueError("a cluster needs at least one worker with one processor")
         self._docker = docker_client()
         self._workers = workers
-        self._storage = storage
-        self._settings = {**self._defaults(cpus), **_dotenv(DOTENV), **os.environ}
+        self._cpus = cpus
+        own, kept = compose_settings.read(DOTENV)
+        # Whoever has a lake in object storage, or other files of Compose, goes on with them.
+        self._storage = storage or "storage" in kept.get("COMPOSE_PROFILES", "")
+        self._settings = {**self._defaults(), **_only(kept, "COMPOSE_FILE"), **own, **os.environ}
+        named = Path(self._settings.get("LMTR_SECRETS") or "secrets")
+        self._secrets = HERE / named  # as Compose takes a relative one
+        self._settings["LMTR_SECRETS"] = str(self._secrets)
 
     def up(self) -> None:
         """Start it and wait until all of it is healthy; says what to do next."""
-        require_engine(self._docker)
-        user = int(self._settings["LMTR_UID"])
-        make_dotenv(DOTENV, user)
-        make_secrets(SECRETS, user)
+        engine = find_engine(self._docker)
+        if engine.leaks_loopback:
+            print(
+                f"cluster: note: Docker Engine {engine.version} lets neighbours on a network "
+                f"segment reach ports published on 127.0.0.1; update it to {CLOSED_LOOPBACK}, or "
+                "close them in a firewall"
+            )
+        self._settings = {**self._sized(engine), **self._settings}
+        made = make_secrets(self._secrets, int(self._settings["LMTR_UID"]))
         if self._storage:
-            use_storage(SECRETS)
+            use_storage(self._secrets)
+        self._keep()
         self.images()
         began = time.monotonic()
-        self._compose("up", "--detach", "--remove-orphans", "--scale", f"worker={self._workers}")
+        # Containers that run would keep a secret that was changed.
+        anew = ["--force-recreate"] if made else []
+        scale = f"worker={self._workers}"
+        self._compose("up", "--detach", "--remove-orphans", *anew, "--scale", scale)
         self._await_health(began + PATIENCE_S)
         print(f"cluster: all healthy after {time.monotonic() - began:.0f} s")
         self._tell()
@@ -100,7 +136,7 @@ class LocalCluster:
         revision = _revision()
         roles = [*ROLES, "database"] if "lmtr-database" in self._config() else list(ROLES)
         for role in roles:
-            image = _image(role)
+            image = self._settings[IMAGES[role]]
             if revision.endswith(".dirty") or self._revision_of(image) != revision:
                 self._build(role, image, revision)
 
@@ -108,27 +144,36 @@ class LocalCluster:
         """Check Compose's files."""
         self._compose("config", "--quiet")
 
-    def _defaults(self, cpus: int | None) -> dict[str, str]:
-        there = os.cpu_count() or 1
-        each = cpus or max(1, there // self._workers)
-        defaults = {
-            "LMTR_UID": str(container_user()),
-            "LMTR_WORKER_CPUS": str(each),
-            # Half a processor for the node's own processes, as far as there is one.
-            "LMTR_WORKER_CPU_LIMIT": str(min(each + 0.5, there)),
-            "COMPOSE_PROJECT_NAME": "lmtr",
-            "LMTR_NODE_IMAGE": _image("node"),
-            "LMTR_TRACKING_IMAGE": _image("tracking"),
-        }
+    def _defaults(self) -> dict[str, str]:
+        defaults = {"COMPOSE_PROJECT_NAME": PROJECT}
+        defaults |= {variable: f"lmtr-{role}:{_version()}" for role, variable in IMAGES.items()}
         if self._storage:
             defaults |= {"COMPOSE_PROFILES": "storage", "LMTR_CLUSTER_HOME": "s3://lmtr/home"}
         return defaults
+
+    def _sized(self, engine: Engine) -> dict[str, str]:
+        """Who the containers are, and what each worker gets of the engine's processors."""
+        each = self._cpus or max(1, engine.processors // self._workers)
+        return {
+            "LMTR_UID": str(container_user(rootless=engine.rootless)),
+            "LMTR_WORKER_CPUS": str(each),
+            # Half a processor for the node's own processes, as far as there is one.
+            "LMTR_WORKER_CPU_LIMIT": str(min(each + 0.5, engine.processors)),
+        }
+
+    def _keep(self) -> None:
+        """Write down what this cluster is, for starts by hand and for the next of ours."""
+        kept = _only(self._settings, *KEPT)
+        if "COMPOSE_FILE" in self._settings:
+            separator = self._settings.get("COMPOSE_PATH_SEPARATOR", os.pathsep)
+            kept["COMPOSE_FILE"] = separator.join(map(str, compose_files(self._settings)))
+        compose_settings.keep(DOTENV, kept)
 
     def _compose(self, *words: str) -> None:
         run([*self._compose_command(), *words], self._settings)
 
     def _compose_command(self) -> list[str]:
-        files = [part for file in compose_files() for part in ("--file", str(file))]
+        files = [part for file in compose_files(self._settings) for part in ("--file", str(file))]
         return [*compose_command(self._docker), "--project-directory", str(HERE), *files]
 
     def _config(self) -> str:
@@ -177,25 +222,27 @@ class LocalCluster:
         tracking = f"http://127.0.0.1:{given.get('LMTR_TRACKING_PORT', '5000')}"
         values = {
             "cluster": head,
-            "token_file": str(SECRETS / "ray_token"),
+            "token_file": str(self._secrets / "ray_token"),
             "tracking": tracking,
             "home": given.get("LMTR_CLUSTER_HOME", "/data/home"),
         }
-        default = write_profile(settings_file(), values)
-        profile = "" if default else "--profile local "
+        name = given["COMPOSE_PROJECT_NAME"]
+        name = "local" if name == PROJECT else name
+        default = write_profile(settings_file(), values, name)
+        profile = "" if default else f"--profile {name} "
         print(
-            f"cluster: profile `local` is in {settings_file()}\n"
+            f"cluster: profile `{name}` is in {settings_file()}\n"
             f"  lmtr {profile}submit run demo       the whole path, on the cluster\n"
             f"  lmtr {profile}status                nodes, jobs, rows so far\n"
             f"  lmtr {profile}doctor --cluster      whether all is well, and how to mend the rest\n"
             f"  {tracking}          experiments\n"
-            f"  {head}          Ray's dashboard; its token: {SECRETS / 'ray_token'}\n"
+            f"  {head}          Ray's dashboard; its token: {self._secrets / 'ray_token'}\n"
             "  make cluster-down           stop it; data stay"
         )
 
 
-def _image(role: str) -> str:
-    return f"lmtr-{role}:{_version()}"
+def _only(settings: Mapping[str, str], *names: str) -> dict[str, str]:
+    return {name: settings[name] for name in names if name in settings}
 
 
 def _version() -> str:
@@ -214,15 +261,6 @@ def _revision() -> str:
     except (ToolError, OSError):
         return ""
     return f"{commit}.dirty" if changed else commit
-
-
-def _dotenv(file: Path) -> dict[str, str]:
-    """What the user has set in Compose's own file."""
-    if not file.exists():
-        return {}
-    lines = (line.strip() for line in file.read_text(encoding="utf-8").splitlines())
-    pairs = (line.split("=", 1) for line in lines if "=" in line and not line.startswith("#"))
-    return {name.strip(): value.strip().strip("\"'") for name, value in pairs}
 
 
 if __name__ == "__main__":

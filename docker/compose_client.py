@@ -4,10 +4,14 @@ import os
 import shutil
 import subprocess
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 COMPOSE_FILE = HERE / "compose.yaml"
+
+CLOSED_LOOPBACK = 28
+"""The first release of the engine that keeps 127.0.0.1 to its machine (moby#45610)."""
 
 
 class ToolError(Exception):
@@ -28,15 +32,48 @@ def docker_client() -> str:
     return next(filter(_builds, found), found[0])
 
 
-def require_engine(docker: str) -> None:
-    """Refuse to go on without an engine that answers."""
-    asked = _said([docker, "info", "--format", "{{.ServerVersion}}"])
+@dataclass(frozen=True)
+class Engine:
+    """What an engine says of itself.
+
+    Attributes:
+        version: Its release, ``28.0.1``.
+        processors: How many its containers can have.
+        rootless: Whether it runs as a user, who is called root in its containers.
+    """
+
+    version: str
+    processors: int
+    rootless: bool
+
+    @property
+    def leaks_loopback(self) -> bool:
+        """Whether neighbours on a network segment reach what is published on 127.0.0.1."""
+        major = self.version.partition(".")[0]
+        return major.isdigit() and int(major) < CLOSED_LOOPBACK
+
+
+def find_engine(docker: str) -> Engine:
+    """The engine that answers.
+
+    Raises:
+        ToolError: None does, or it maps users such that containers cannot read secrets.
+    """
+    told = "{{.ServerVersion}} {{.NCPU}} {{.SecurityOptions}}"
+    asked = _said([docker, "info", "--format", told])
     if asked.returncode:
         reason = (asked.stderr.strip() or asked.stdout.strip()).splitlines()
         raise ToolError(
             f"no Docker engine answers ({reason[-1] if reason else 'no reason given'}); start it, "
             "or ask for permission to use it"
         )
+    version, processors, security = asked.stdout.strip().split(" ", 2)
+    if "name=userns" in security:
+        raise ToolError(
+            "the Docker engine maps users (userns-remap), so containers cannot read the secrets of "
+            "whoever starts them; use one that does not, or a rootless one"
+        )
+    return Engine(version, int(processors), "name=rootless" in security)
 
 
 def compose_command(docker: str) -> list[str]:
@@ -49,11 +86,11 @@ def compose_command(docker: str) -> list[str]:
     raise ToolError("Docker Compose is not installed; see https://docs.docker.com/compose/install")
 
 
-def compose_files() -> list[Path]:
+def compose_files(settings: Mapping[str, str]) -> list[Path]:
     """Those that ``COMPOSE_FILE`` names, else the one beside this file."""
-    given = os.environ.get("COMPOSE_FILE", "")
-    separator = os.environ.get("COMPOSE_PATH_SEPARATOR", os.pathsep)
-    return [Path(name) for name in given.split(separator) if name] or [COMPOSE_FILE]
+    separator = settings.get("COMPOSE_PATH_SEPARATOR", os.pathsep)
+    named = [name for name in settings.get("COMPOSE_FILE", "").split(separator) if name]
+    return [Path(name).absolute() for name in named] or [COMPOSE_FILE]
 
 
 def run(command: Sequence[str], environment: Mapping[str, str] | None = None) -> None:

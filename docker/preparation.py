@@ -18,35 +18,37 @@ STORAGE = "storage.env"
 """Secret with the variables of an object store, for a home in one; empty without."""
 
 
-def container_user() -> int:
+def container_user(*, rootless: bool = False) -> int:
     """Number of the user that the containers run as.
 
     Whoever starts them, so that the secrets' files can be closed to all others, but never root.
+
+    Args:
+        rootless: The engine runs as that user too, who is called root in its containers.
     """
-    return os.getuid() or IMAGE_USER
+    return 0 if rootless else os.getuid() or IMAGE_USER
 
 
-def make_dotenv(file: Path, user: int) -> None:
-    """Write down, once, what Compose must know to find the cluster again when run by hand."""
-    if not file.exists():
-        file.write_text(f"COMPOSE_PROJECT_NAME=lmtr\nLMTR_UID={user}\n", encoding="ascii")
-
-
-def make_secrets(folder: Path, user: int) -> None:
+def make_secrets(folder: Path, user: int) -> list[str]:
     """Make the secrets that are missing: files of mode 0600 in a folder of mode 0700.
 
     Args:
         folder: Where they lie.
         user: Number of the containers' user; where root makes them, they are that user's.
+
+    Returns:
+        The names of those that were made.
     """
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     folder.chmod(0o700)
+    missing = [name for name in MADE if not (folder / name).exists()]
     for name in MADE:
         _make(folder / name, secrets.token_hex(32) + "\n")
     _make(folder / STORAGE, "")
     if os.getuid() == 0:  # only the containers' user, and root, may read them
         for name in (*MADE, STORAGE):
             os.chown(folder / name, user, -1)
+    return missing
 
 
 def use_storage(folder: Path) -> None:

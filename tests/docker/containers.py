@@ -20,7 +20,6 @@ from typing import Any, Self
 import compose_client
 from web import free_ports
 
-from lmtr import __version__
 from tests.docker.engine import build_environment
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -31,6 +30,7 @@ ARTIFACTS_MB = 24
 """Size of the disk of artifacts: room for what the tests keep, and soon full."""
 
 IMAGE_USER = 10001
+ROLES = ("node", "tracking", "database")
 ENDED = ("SUCCEEDED", "FAILED", "STOPPED")
 
 
@@ -77,6 +77,8 @@ class Containers:
                 map(str, (*files, Path(__file__).with_name("compose.test.yaml")))
             ),
             "LMTR_SECRETS": str(folder / "secrets"),
+            "LMTR_DOTENV": str(folder / "dotenv"),
+            **{f"LMTR_{role.upper()}_IMAGE": self.image(role) for role in ROLES},
             "LMTR_SETTINGS": str(self.settings),
             "LMTR_DASHBOARD_PORT": str(self._head),
             "LMTR_TRACKING_PORT": str(self._tracking),
@@ -113,6 +115,24 @@ class Containers:
         assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]
         return done.stdout
 
+    def lmtr(self, *words: str) -> subprocess.CompletedProcess[str]:
+        """Run a command of the user's, who has the profile that the start has written."""
+        environment = {**os.environ, "LMTR_SETTINGS": str(self.settings)}
+        return subprocess.run(
+            [sys.executable, "-m", "pipelines", *words],
+            env=environment,
+            cwd=self._folder,
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE_S,
+            check=False,
+        )
+
+    def rotate_token(self) -> None:
+        """What a user does whose token has become known: remove it and start the cluster."""
+        (self._folder / "secrets" / "ray_token").unlink()
+        self.command("up")
+
     @property
     def token(self) -> str:
         """That of Ray."""
@@ -144,8 +164,8 @@ class Containers:
         ).stdout
 
     def image(self, role: str) -> str:
-        """Name of the image of a role."""
-        return f"lmtr-{role}:{__version__}"
+        """Name of the image of a role: a user's own is not touched."""
+        return f"lmtr-{role}:test"
 
     def images(self, role: str) -> list[dict[str, Any]]:
         """What the engine knows of the image of a role."""

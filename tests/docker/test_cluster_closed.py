@@ -15,9 +15,10 @@ PUBLISHED = {"head": "8265/tcp", "tracking": "5000/tcp"}
 
 def test_ports_are_open_to_this_machine_alone(containers):
     for name in containers.names():
-        ports = containers.inspect(name)["NetworkSettings"]["Ports"]
-        published = {port: at for port, at in ports.items() if at}
-        wanted = {port for service, port in PUBLISHED.items() if f"_{service}_" in name}
+        told = containers.inspect(name)
+        published = {port: at for port, at in told["NetworkSettings"]["Ports"].items() if at}
+        service = told["Config"]["Labels"]["com.docker.compose.service"]
+        wanted = {PUBLISHED[service]} if service in PUBLISHED else set()
         assert set(published) == wanted
         assert {at["HostIp"] for ats in published.values() for at in ats} <= {"127.0.0.1"}
 
@@ -42,6 +43,17 @@ def test_jobs_are_refused_without_the_token(containers, token):
     with pytest.raises(urllib.error.HTTPError) as refused:
         containers.ask("/api/jobs/", {"entrypoint": "id"}, token=token)
     assert refused.value.code in (401, 403)
+
+
+def test_a_token_that_has_become_known_is_changed_by_removing_it(containers):
+    known = containers.token
+    containers.rotate_token()
+    assert containers.token != known
+    containers.await_healthy()
+    with pytest.raises(urllib.error.HTTPError) as refused:
+        containers.ask("/api/jobs/", token=known)
+    assert refused.value.code in (401, 403)
+    assert containers.lmtr("status").returncode == 0
 
 
 def test_the_tracking_server_refuses_other_names(containers):
@@ -98,4 +110,5 @@ def test_what_the_idle_cluster_weighs(containers):
     sizes = {role: containers.images(role)[0]["Size"] / 1e6 for role in ("node", "tracking")}
     print(f"up in {containers.up_s:.0f} s; idle {sum(used.values()):.0f} MiB: {used}; MB: {sizes}")
     assert len(used) == 5
+    assert containers.up_s < 60.0
     assert sum(used.values()) < 2.5 * 1024.0

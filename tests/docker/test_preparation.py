@@ -8,6 +8,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from compose_settings import keep, read
 from preparation import MADE, STORAGE, container_user, make_secrets, use_storage
 from user_profile import settings_file, write_profile
 
@@ -43,9 +44,9 @@ def test_secrets_are_long_and_differ(folder, tmp_path):
     assert {len(bytes.fromhex(secret)) for secret in both} == {32}
 
 
-def test_a_second_start_keeps_them(folder):
+def test_a_second_start_keeps_them_and_says_which_it_made(folder):
     before = {file.name: file.read_bytes() for file in folder.iterdir()}
-    make_secrets(folder, container_user())
+    assert make_secrets(folder, container_user()) == []
     assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
 
 
@@ -56,6 +57,28 @@ def test_storage_of_the_users_own_is_kept(folder):
     (folder / STORAGE).write_text("AWS_ENDPOINT_URL=https://store.example\n")
     use_storage(folder)
     assert (folder / STORAGE).read_text() == "AWS_ENDPOINT_URL=https://store.example\n"
+
+
+def test_a_removed_secret_is_made_anew(folder):
+    before = (folder / "ray_token").read_text()
+    (folder / "ray_token").unlink()
+    assert make_secrets(folder, container_user()) == ["ray_token"]
+    assert (folder / "ray_token").read_text() != before
+
+
+def test_whoever_runs_a_rootless_engine_is_root_in_its_containers():
+    assert container_user(rootless=True) == 0
+    assert container_user() != 0
+
+
+def test_what_is_kept_is_replaced_and_the_users_lines_stay(tmp_path):
+    file = tmp_path / ".env"
+    file.write_text("# mine\nLMTR_WORKER_CPUS=3\nOTHER='a b'")
+    keep(file, {"LMTR_WORKER_CPUS": "1", "LMTR_UID": "7"})
+    keep(file, {"LMTR_WORKER_CPUS": "2", "LMTR_UID": "8"})
+    assert file.read_text().startswith("# mine\nLMTR_WORKER_CPUS=3\nOTHER='a b'\n")
+    assert read(file) == ({"LMTR_WORKER_CPUS": "3", "OTHER": "a b"}, {"LMTR_UID": "8"})
+    assert read(tmp_path / "none") == ({}, {})
 
 
 def test_git_sees_no_secret():
