@@ -12,14 +12,18 @@ export RAY_USAGE_STATS_ENABLED := 0
 export MLFLOW_DISABLE_TELEMETRY := true
 export DO_NOT_TRACK := true
 
-# Of `make cluster`: containers that solve; processors of each, by default all of the machine divided
-# among them; and whether the lake lies in object storage (1).
-WORKERS ?= 2
+# Of `make cluster`: its name, if there are several; containers that solve, and processors of each
+# (by default two workers, and all of the machine divided among them); whether the lake lies in
+# object storage (1, or 0 for no longer).
+NAME ?=
+WORKERS ?=
 WORKER_CPUS ?=
 STORAGE ?=
 CLUSTER := $(PYTHON) docker/cluster.py
-CLUSTER_OPTIONS = --workers $(WORKERS) $(if $(WORKER_CPUS),--cpus $(WORKER_CPUS)) \
-	$(if $(STORAGE),--storage)
+CLUSTER_NAME = $(if $(NAME),--name $(NAME))
+CLUSTER_OPTIONS = $(CLUSTER_NAME) $(if $(WORKERS),--workers $(WORKERS)) \
+	$(if $(WORKER_CPUS),--cpus $(WORKER_CPUS)) \
+	$(if $(STORAGE),$(if $(filter 0 no,$(STORAGE)),--no-storage,--storage))
 
 .PHONY: help python install demo test lint types test-fast test-slow format clean images cluster \
 	cluster-down test-cluster
@@ -71,11 +75,11 @@ test-cluster: install  ## The tests of clusters: a Ray head, containers where Do
 images: python  ## Build the images of the cluster
 	$(CLUSTER) images
 
-cluster: python  ## Start a cluster of containers on this machine: WORKERS=2 WORKER_CPUS= STORAGE=
+cluster: python  ## Start a cluster of containers on this machine: NAME= WORKERS= WORKER_CPUS= STORAGE=
 	$(CLUSTER) up $(CLUSTER_OPTIONS)
 
 cluster-down: python  ## Stop it; data stay in its volumes
-	$(CLUSTER) down $(CLUSTER_OPTIONS)
+	$(CLUSTER) down $(CLUSTER_NAME)
 
 format: install  ## Format the code
 	$(BIN)/ruff check --fix .

@@ -7,31 +7,27 @@ The standard library alone, so that it runs before anything is installed.
 
 import argparse
 import os
-import re
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 
-import compose_settings
+from cluster_settings import STORAGE_PROFILE, ClusterSettings, Wishes
 from compose_client import (
     CLOSED_LOOPBACK,
     HERE,
-    Engine,
     ToolError,
     compose_command,
-    compose_files,
     docker_client,
     find_engine,
     output,
     run,
+    succeeds,
 )
-from preparation import container_user, make_secrets, use_storage
+from images import image_of, require_image
+from preparation import IMAGE_USER, container_user, make_secrets, secrets_state, use_storage
 from user_profile import settings_file, write_profile
 
-ROOT = HERE.parent
-DOTENV = Path(os.environ.get("LMTR_DOTENV") or HERE / ".env")
-PROJECT = "lmtr"
 PATIENCE_S = 300.0
 """How long containers may take until they are healthy."""
 
@@ -39,39 +35,30 @@ HEALTHY = (("running", "healthy"), ("exited", "none"))
 """Statuses and health of containers that do their part, or had one to do and have done it."""
 
 ROLES = ("node", "tracking")
-IMAGES = {
-    "node": "LMTR_NODE_IMAGE",
-    "tracking": "LMTR_TRACKING_IMAGE",
-    "database": "LMTR_DATABASE_IMAGE",
-}
-"""Variables that name the image of each role."""
 
-KEPT = (
-    "COMPOSE_PROJECT_NAME",
-    "COMPOSE_PROFILES",
-    "LMTR_UID",
-    "LMTR_WORKER_CPUS",
-    "LMTR_WORKER_CPU_LIMIT",
-    "LMTR_CLUSTER_HOME",
-    "LMTR_SECRETS",
-)
-"""What a start by hand must know to mean the same cluster."""
-
-BUILD_ARGUMENTS = ("BASE_IMAGE", "TORCH_INDEX")
-"""What may be set in the environment for a machine that reaches no registry or index."""
+SET_PASSWORD = """
+printf "ALTER ROLE lmtr PASSWORD '%s'" "$(cat /run/secrets/postgres_password)" |
+    psql --quiet --host=/var/run/postgresql --username=lmtr --dbname=mlflow
+"""
+"""Run in the database's container, so that the password is in no argument of a process."""
 
 
 def main() -> int:
     """Do what the arguments say; returns the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("action", choices=("up", "down", "images", "config"))
-    parser.add_argument("--workers", type=int, default=2, help="containers that solve [2]")
+    parser.add_argument("--name", help="name of the cluster, if there are several [lmtr]")
+    parser.add_argument("--workers", type=int, help="containers that solve [as before, or 2]")
     parser.add_argument("--cpus", type=int, help="processors of each [all there are, divided]")
-    parser.add_argument("--storage", action="store_true", help="the lake in object storage")
-    arguments = parser.parse_args()
+    parser.add_argument(
+        "--storage",
+        action=argparse.BooleanOptionalAction,
+        help="the lake in object storage [as before, or not]",
+    )
+    asked = parser.parse_args()
     try:
-        cluster = LocalCluster(arguments.workers, arguments.cpus, arguments.storage)
-        getattr(cluster, arguments.action)()
+        wishes = Wishes(asked.name, asked.workers, asked.cpus, asked.storage)
+        getattr(LocalCluster(ClusterSettings(wishes)), asked.action)()
     except (ToolError, ValueError, OSError) as error:
         print(f"cluster: {error}", file=sys.stderr)
         return 2
@@ -84,24 +71,12 @@ class LocalCluster:
     """The containers that compose.yaml describes.
 
     Args:
-        workers: Containers that solve.
-        cpus: Processors of each; all of the machine, divided, by default.
-        storage: Keep the lake in object storage of the cluster's own.
+        settings: Which, and how large.
     """
 
-    def __init__(self, workers: int, cpus: int | None, storage: bool) -> None:
-        if workers < 1 or (cpus is not None and cpus < 1):
-            raise ValueError("a cluster needs at least one worker with one processor")
+    def __init__(self, settings: ClusterSettings) -> None:
         self._docker = docker_client()
-        self._workers = workers
-        self._cpus = cpus
-        own, kept = compose_settings.read(DOTENV)
-        # Whoever has a lake in object storage, or other files of Compose, goes on with them.
-        self._storage = storage or "storage" in kept.get("COMPOSE_PROFILES", "")
-        self._settings = {**self._defaults(), **_only(kept, "COMPOSE_FILE"), **own, **os.environ}
-        named = Path(self._settings.get("LMTR_SECRETS") or "secrets")
-        self._secrets = HERE / named  # as Compose takes a relative one
-        self._settings["LMTR_SECRETS"] = str(self._secrets)
+        self._settings = settings
 
     def up(self) -> None:
         """Start it and wait until all of it is healthy; says what to do next."""
@@ -112,94 +87,111 @@ class LocalCluster:
                 f"segment reach ports published on 127.0.0.1; update it to {CLOSED_LOOPBACK}, or "
                 "close them in a firewall"
             )
-        self._settings = {**self._sized(engine), **self._settings}
-        made = make_secrets(self._secrets, int(self._settings["LMTR_UID"]))
-        if self._storage:
-            use_storage(self._secrets)
-        self._keep()
+        self._refuse_another_checkout()
         self.images()
-        began = time.monotonic()
-        # Containers that run would keep a secret that was changed.
-        anew = ["--force-recreate"] if made else []
-        scale = f"worker={self._workers}"
-        self._compose("up", "--detach", "--remove-orphans", *anew, "--scale", scale)
-        self._await_health(began + PATIENCE_S)
-        print(f"cluster: all healthy after {time.monotonic() - began:.0f} s")
-        self._tell()
+        user = self._require_secrets()
+        use_storage(self._settings.secrets, self._settings.has_storage)
+        state = secrets_state(self._settings.secrets)
+        self._settings.keep(engine, LMTR_UID=str(user), LMTR_SECRETS_STATE=state)
+        self._start()
 
     def down(self) -> None:
         """Stop it: jobs finish what is under way and commit it; data stay in the volumes."""
-        self._compose("down", "--remove-orphans")
+        self._compose("--profile", STORAGE_PROFILE, "down", "--remove-orphans")
 
     def images(self) -> None:
         """Build the images, unless they are of this very code."""
-        revision = _revision()
-        roles = [*ROLES, "database"] if "lmtr-database" in self._config() else list(ROLES)
+        names = self._settings.values
+        roles = [*ROLES, "database"] if image_of("database", names) in self._config() else ROLES
         for role in roles:
-            image = self._settings[IMAGES[role]]
-            if revision.endswith(".dirty") or self._revision_of(image) != revision:
-                self._build(role, image, revision)
+            require_image(self._docker, role, names)
 
     def config(self) -> None:
         """Check Compose's files."""
         self._compose("config", "--quiet")
 
-    def _defaults(self) -> dict[str, str]:
-        defaults = {"COMPOSE_PROJECT_NAME": PROJECT}
-        defaults |= {variable: f"lmtr-{role}:{_version()}" for role, variable in IMAGES.items()}
-        if self._storage:
-            defaults |= {"COMPOSE_PROFILES": "storage", "LMTR_CLUSTER_HOME": "s3://lmtr/home"}
-        return defaults
+    def _start(self) -> None:
+        began = time.monotonic()
+        if self._settings.drops_storage:
+            self._compose("--profile", STORAGE_PROFILE, "rm", "--stop", "--force", "storage")
+        self._compose("up", "--detach", "--remove-orphans")
+        # The volume may be older than the password, and the tracking server waits for it.
+        self._await_health(began + PATIENCE_S, "database")
+        database = self._containers("database")[0]
+        run([self._docker, "exec", database, "sh", "-c", SET_PASSWORD])
+        self._await_health(began + PATIENCE_S)
+        print(f"cluster: all healthy after {time.monotonic() - began:.0f} s")
+        self._tell()
 
-    def _sized(self, engine: Engine) -> dict[str, str]:
-        """Who the containers are, and what each worker gets of the engine's processors."""
-        each = self._cpus or max(1, engine.processors // self._workers)
-        return {
-            "LMTR_UID": str(container_user(rootless=engine.rootless)),
-            "LMTR_WORKER_CPUS": str(each),
-            # Half a processor for the node's own processes, as far as there is one.
-            "LMTR_WORKER_CPU_LIMIT": str(min(each + 0.5, engine.processors)),
-        }
+    def _require_secrets(self) -> int:
+        """Make secrets that are missing; returns the number of a user who reads them in containers.
 
-    def _keep(self) -> None:
-        """Write down what this cluster is, for starts by hand and for the next of ours."""
-        kept = _only(self._settings, *KEPT)
-        if "COMPOSE_FILE" in self._settings:
-            separator = self._settings.get("COMPOSE_PATH_SEPARATOR", os.pathsep)
-            kept["COMPOSE_FILE"] = separator.join(map(str, compose_files(self._settings)))
-        compose_settings.keep(DOTENV, kept)
+        Raises:
+            ToolError: There is none.
+        """
+        folder = self._settings.secrets
+        # Where an engine maps users, its containers' group is that of whoever starts them.
+        usual = int(self._settings.values.get("LMTR_UID") or container_user())
+        for user, mode in ((usual, 0o600), (IMAGE_USER, 0o640)):
+            make_secrets(folder, user, mode)
+            if self._reads(user, folder / "ray_token"):
+                return user
+        raise ToolError(
+            f"containers cannot read {folder}; if this machine has SELinux, "
+            f"`chcon -R -t container_file_t {folder}` allows it, else the engine maps users "
+            "(userns-remap): use one that does not, or a rootless one"
+        )
+
+    def _reads(self, user: int, file: Path) -> bool:
+        command = [self._docker, "run", "--rm", "--network", "none", "--user", f"{user}:0"]
+        command += [
+            "--cap-drop",
+            "ALL",
+            "--mount",
+            f"type=bind,source={file},target=/asked,readonly",
+        ]
+        image = image_of("node", self._settings.values)
+        return succeeds([*command, "--entrypoint", "test", image, "-r", "/asked"])
+
+    def _refuse_another_checkout(self) -> None:
+        """Two checkouts would take each other's cluster of the same name for their own."""
+        label = "com.docker.compose.project"
+        command = [self._docker, "ps", "--filter", f"label={label}={self._settings.project}"]
+        told = output([*command, "--format", f'{{{{.Label "{label}.working_dir"}}}}'])
+        others = {Path(folder).resolve() for folder in told.splitlines() if folder} - {HERE}
+        if others:
+            raise ToolError(
+                f"a cluster {self._settings.project!r} runs that {others.pop()} has started; stop "
+                "it from there, or give this one another name: make cluster NAME=…, and other ports"
+            )
 
     def _compose(self, *words: str) -> None:
-        run([*self._compose_command(), *words], self._settings)
+        run([*self._compose_command(), *words], self._settings.environment)
 
     def _compose_command(self) -> list[str]:
-        files = [part for file in compose_files(self._settings) for part in ("--file", str(file))]
-        return [*compose_command(self._docker), "--project-directory", str(HERE), *files]
+        command = [*compose_command(self._docker), "--project-directory", str(HERE)]
+        if self._settings.dotenv.exists():
+            command += ["--env-file", str(self._settings.dotenv)]
+        files = self._settings.files
+        return [*command, *(part for file in files for part in ("--file", str(file)))]
 
     def _config(self) -> str:
-        return output([*self._compose_command(), "config"], self._settings)
+        return output([*self._compose_command(), "config"], self._settings.environment)
 
-    def _build(self, role: str, image: str, revision: str) -> None:
-        print(f"cluster: building {image}", flush=True)
-        arguments = {"VERSION": _version(), "COMMIT": revision}
-        arguments |= {name: os.environ[name] for name in BUILD_ARGUMENTS if name in os.environ}
-        command = [self._docker, "build", "--file", str(HERE / "Dockerfile"), "--target", role]
-        command += [part for pair in arguments.items() for part in ("--build-arg", "=".join(pair))]
-        if authority := os.environ.get("BUILD_CA"):
-            command += ["--secret", f"id=ca,src={authority}"]
-        run([*command, "--tag", image, str(ROOT)], {**os.environ, "DOCKER_BUILDKIT": "1"})
+    def _containers(self, service: str = "") -> list[str]:
+        """Ids of the containers, also of those that do not run."""
+        label = "com.docker.compose"
+        wanted = [f"label={label}.project={self._settings.project}", f"label={label}.oneoff=False"]
+        wanted += [f"label={label}.service={service}"] if service else []
+        filters = [part for each in wanted for part in ("--filter", each)]
+        found = output([self._docker, "ps", "--all", "--quiet", *filters]).split()
+        if not found:
+            raise ToolError(f"there are no containers of {self._settings.project} {service}")
+        return found
 
-    def _revision_of(self, image: str) -> str | None:
-        """The commit that an image was made of; None if there is no such image."""
-        label = '{{index .Config.Labels "org.opencontainers.image.revision"}}'
-        try:
-            return output([self._docker, "image", "inspect", "--format", label, image]).strip()
-        except ToolError:
-            return None
-
-    def _await_health(self, until: float) -> None:
-        """Return when every container is healthy."""
-        while unhealthy := list(self._unhealthy()):
+    def _await_health(self, until: float, service: str = "") -> None:
+        """Return when every container is healthy, or those of a service."""
+        while unhealthy := list(self._unhealthy(service)):
             if time.monotonic() > until:
                 raise ToolError(
                     f"not healthy after {PATIENCE_S:.0f} s: {', '.join(unhealthy)}; look at "
@@ -207,60 +199,39 @@ class LocalCluster:
                 )
             time.sleep(0.5)
 
-    def _unhealthy(self) -> Iterator[str]:
-        ids = output([*self._compose_command(), "ps", "--quiet"], self._settings).split()
+    def _unhealthy(self, service: str) -> Iterator[str]:
         told = "{{.Name}} {{.State.Status}} {{with .State.Health}}{{.Status}}{{else}}none{{end}}"
-        for line in output([self._docker, "inspect", "--format", told, *ids]).splitlines():
+        command = [self._docker, "inspect", "--format", told, *self._containers(service)]
+        for line in output(command).splitlines():
             name, status, health = line.lstrip("/").split()
             if (status, health) not in HEALTHY:
                 yield f"{name} ({status}, {health})"
 
     def _tell(self) -> None:
         """Write the user's profile and say what can be done now."""
-        given = self._settings
-        head = f"http://127.0.0.1:{given.get('LMTR_DASHBOARD_PORT', '8265')}"
-        tracking = f"http://127.0.0.1:{given.get('LMTR_TRACKING_PORT', '5000')}"
+        settings = self._settings
+        token = settings.secrets / "ray_token"
         values = {
-            "cluster": head,
-            "token_file": str(self._secrets / "ray_token"),
-            "tracking": tracking,
-            "home": given.get("LMTR_CLUSTER_HOME", "/data/home"),
+            "cluster": settings.head,
+            "token_file": str(token),
+            "tracking": settings.tracking,
+            "home": settings.home,
         }
-        name = given["COMPOSE_PROJECT_NAME"]
-        name = "local" if name == PROJECT else name
-        default = write_profile(settings_file(), values, name)
+        file, name = settings_file(), settings.profile
+        default = write_profile(file, values, name)
+        if os.environ.get("SUDO_UID"):
+            print(f"cluster: note: started by sudo, so {file} is root's; `lmtr` reads your own")
         profile = "" if default else f"--profile {name} "
+        naming = "" if settings.is_usual else f" NAME={settings.project}"
         print(
-            f"cluster: profile `{name}` is in {settings_file()}\n"
+            f"cluster: profile `{name}` is in {file}\n"
             f"  lmtr {profile}submit run demo       the whole path, on the cluster\n"
             f"  lmtr {profile}status                nodes, jobs, rows so far\n"
             f"  lmtr {profile}doctor --cluster      whether all is well, and how to mend the rest\n"
-            f"  {tracking}          experiments\n"
-            f"  {head}          Ray's dashboard; its token: {self._secrets / 'ray_token'}\n"
-            "  make cluster-down           stop it; data stay"
+            f"  {settings.tracking}          experiments\n"
+            f"  {settings.head}          Ray's dashboard; its token: {token}\n"
+            f"  make cluster-down{naming}           stop it; data stay"
         )
-
-
-def _only(settings: Mapping[str, str], *names: str) -> dict[str, str]:
-    return {name: settings[name] for name in names if name in settings}
-
-
-def _version() -> str:
-    text = (ROOT / "lmtr" / "__init__.py").read_text(encoding="utf-8")
-    found = re.search(r'^__version__ = "([^"]+)"', text, re.MULTILINE)
-    assert found is not None, "lmtr/__init__.py has no version"
-    return found[1]
-
-
-def _revision() -> str:
-    """The commit that is checked out, marked if there are changes; empty outside of a checkout."""
-    git = ["git", "-C", str(ROOT)]
-    try:
-        commit = output([*git, "rev-parse", "--short=12", "HEAD"]).strip()
-        changed = output([*git, "status", "--porcelain", "--untracked-files=no"]).strip()
-    except (ToolError, OSError):
-        return ""
-    return f"{commit}.dirty" if changed else commit
 
 
 if __name__ == "__main__":

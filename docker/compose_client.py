@@ -1,5 +1,6 @@
 """Docker and Compose as they are installed here, whichever of their versions that is."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -39,12 +40,12 @@ class Engine:
     Attributes:
         version: Its release, ``28.0.1``.
         processors: How many its containers can have.
-        rootless: Whether it runs as a user, who is called root in its containers.
+        shares_processors: Whether a container's part of them can be limited.
     """
 
     version: str
     processors: int
-    rootless: bool
+    shares_processors: bool = True
 
     @property
     def leaks_loopback(self) -> bool:
@@ -57,40 +58,44 @@ def find_engine(docker: str) -> Engine:
     """The engine that answers.
 
     Raises:
-        ToolError: None does, or it maps users such that containers cannot read secrets.
+        ToolError: None does.
     """
-    told = "{{.ServerVersion}} {{.NCPU}} {{.SecurityOptions}}"
-    asked = _said([docker, "info", "--format", told])
-    if asked.returncode:
-        reason = (asked.stderr.strip() or asked.stdout.strip()).splitlines()
+    asked = _said([docker, "info", "--format", "{{json .}}"])
+    return engine_of(asked.stdout, asked.stderr)
+
+
+def engine_of(told: str, complaint: str = "") -> Engine:
+    """The engine that a client's ``info`` tells of; some clients succeed without one.
+
+    Raises:
+        ToolError: As `find_engine`.
+    """
+    try:
+        info = json.loads(told)
+    except json.JSONDecodeError:
+        info = {}
+    if not info.get("ServerVersion"):
+        reasons = [*(info.get("ServerErrors") or ()), *complaint.strip().splitlines()[-1:]]
         raise ToolError(
-            f"no Docker engine answers ({reason[-1] if reason else 'no reason given'}); start it, "
+            f"no Docker engine answers ({reasons[0] if reasons else 'no reason given'}); start it, "
             "or ask for permission to use it"
         )
-    version, processors, security = asked.stdout.strip().split(" ", 2)
-    if "name=userns" in security:
-        raise ToolError(
-            "the Docker engine maps users (userns-remap), so containers cannot read the secrets of "
-            "whoever starts them; use one that does not, or a rootless one"
-        )
-    return Engine(version, int(processors), "name=rootless" in security)
+    return Engine(info["ServerVersion"], info["NCPU"], info.get("CpuCfsQuota", True))
 
 
 def compose_command(docker: str) -> list[str]:
     """Compose as the client's plugin, else the program of its own."""
     plugin = [docker, "compose"]
-    if _said([*plugin, "version"]).returncode == 0:
+    if succeeds([*plugin, "version"]):
         return plugin
     if program := shutil.which("docker-compose"):
         return [program]
     raise ToolError("Docker Compose is not installed; see https://docs.docker.com/compose/install")
 
 
-def compose_files(settings: Mapping[str, str]) -> list[Path]:
-    """Those that ``COMPOSE_FILE`` names, else the one beside this file."""
-    separator = settings.get("COMPOSE_PATH_SEPARATOR", os.pathsep)
-    named = [name for name in settings.get("COMPOSE_FILE", "").split(separator) if name]
-    return [Path(name).absolute() for name in named] or [COMPOSE_FILE]
+def succeeds(command: Sequence[str]) -> bool:
+    """Whether a command does, whatever it prints."""
+    return _said(command).returncode == 0
 
 
 def run(command: Sequence[str], environment: Mapping[str, str] | None = None) -> None:
@@ -121,7 +126,7 @@ def _builds(docker: str) -> bool:
     version = _said([docker, "version", "--format", "{{.Client.Version}}"]).stdout.strip()
     major = version.partition(".")[0]
     old = major.isdigit() and int(major) < 23
-    return old or _said([docker, "buildx", "version"]).returncode == 0
+    return old or succeeds([docker, "buildx", "version"])
 
 
 def _said(

@@ -90,8 +90,13 @@ def moto_server() -> Iterator[S3Server]:
 
 
 @contextmanager
-def radosgw_server(folder: Path) -> Iterator[S3Server]:
-    """Debian's radosgw before one monitor and one store of objects in memory, the bucket made."""
+def radosgw_server(folder: Path, address: str = "127.0.0.1") -> Iterator[S3Server]:
+    """Debian's radosgw before one monitor and one store of objects in memory, the bucket made.
+
+    Args:
+        folder: Empty, for its files.
+        address: Of this machine, that it is reached at.
+    """
     missing = [tool for tool in RADOSGW_TOOLS if shutil.which(tool) is None]
     if missing:
         pytest.skip(f"{', '.join(missing)} missing: apt-get install {RADOSGW_PACKAGES}")
@@ -110,10 +115,9 @@ def radosgw_server(folder: Path) -> Iterator[S3Server]:
             *("radosgw-admin", "user", "create", "--uid=tests", "--display-name=tests"),
             *("--access-key", KEY, "--secret-key", SECRET),
         )
-        start(
-            "radosgw", "-n", "client.admin", f"--rgw-frontends=beast endpoint=127.0.0.1:{gateway}"
-        )
-        server = S3Server(f"http://127.0.0.1:{gateway}")
+        place = f"{address}:{gateway}"
+        start("radosgw", "-n", "client.admin", f"--rgw-frontends=beast endpoint={place}")
+        server = S3Server(f"http://{place}")
         _wait_for(server)
         server.client().create_bucket(Bucket=BUCKET)
         yield server

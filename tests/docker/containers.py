@@ -21,11 +21,9 @@ import compose_client
 from web import free_ports
 
 from tests.docker.engine import build_environment
+from tests.docker.patience import PATIENCE_S, await_true
 
 ROOT = Path(__file__).resolve().parents[2]
-PATIENCE_S = 400.0
-"""No job may take longer, whatever befalls it."""
-
 ARTIFACTS_MB = 24
 """Size of the disk of artifacts: room for what the tests keep, and soon full."""
 
@@ -128,9 +126,15 @@ class Containers:
             check=False,
         )
 
-    def rotate_token(self) -> None:
-        """What a user does whose token has become known: remove it and start the cluster."""
-        (self._folder / "secrets" / "ray_token").unlink()
+    def remake(self, secret: str) -> None:
+        """What a user does whose secret has become known: remove it and start the cluster."""
+        (self._folder / "secrets" / secret).unlink()
+        self.command("up")
+
+    def use_store(self, variables: dict[str, str]) -> None:
+        """What a user does whose home is to lie in an object store, or no longer."""
+        lines = "".join(f"{name}={value}\n" for name, value in variables.items())
+        (self._folder / "secrets" / "storage.env").write_text(lines)
         self.command("up")
 
     @property
@@ -249,7 +253,8 @@ class Containers:
 
     def query(self, home: str, sql: str) -> list[dict[str, Any]]:
         """What the lake of a home answers."""
-        told = self.inside("head", "lmtr", "--home", home, "query", "--format", "json", sql)
+        words = ("lmtr", "--home", home, "query", "--format", "json", sql)
+        told = self.inside("head", "ray-node", *words)
         return [dict(row) for row in json.loads(told)]
 
     def rows(self, home: str) -> list[tuple[int, str]]:
@@ -335,18 +340,3 @@ class Containers:
             [*command, *words], env=self._environment, capture_output=True, check=False
         )
         assert done.returncode == 0, done.stderr.decode(errors="replace")[-2000:]
-
-
-def await_true(condition: Callable[[], bool], what: str, patience_s: float = PATIENCE_S) -> None:
-    """Return when something has become true."""
-    until = time.monotonic() + patience_s
-    while not _holds(condition):
-        assert time.monotonic() < until, f"no {what} after {patience_s:.0f} s"
-        time.sleep(0.5)
-
-
-def _holds(condition: Callable[[], bool]) -> bool:
-    """A head that is away for a moment says no."""
-    with suppress(OSError, urllib.error.URLError):
-        return condition()
-    return False

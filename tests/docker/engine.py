@@ -66,8 +66,9 @@ def engine() -> Iterator[str]:
 
 def answers(docker: str) -> bool:
     """Whether an engine does."""
-    command = [docker, "info", "--format", "{{.ServerVersion}}"]
-    return subprocess.run(command, capture_output=True, check=False).returncode == 0
+    with suppress(compose_client.ToolError):
+        return bool(compose_client.find_engine(docker).version)
+    return False
 
 
 def has_image(docker: str, image: str) -> bool:

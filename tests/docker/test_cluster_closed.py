@@ -1,5 +1,6 @@
 """A cluster of containers as strangers, and the curious, find it; and what it weighs."""
 
+import socket
 import subprocess
 import urllib.error
 
@@ -33,9 +34,13 @@ def test_another_network_namespace_reaches_nothing(containers):
     ]
     places += [("172.17.0.1", port) for port in containers.ports]
     attempt = "timeout 2 bash -c 'exec 3<> /dev/tcp/{}/{}' 2> /dev/null && echo reached {} {}; "
-    script = "".join(attempt.format(*place, *place) for place in places) + "echo tried"
-    command = ("run", "--rm", "--network", "bridge", containers.image("node"))
-    assert containers.docker(*command, "bash", "-c", script).split("\n")[:-1] == ["tried"]
+    with socket.create_server(("172.17.0.1", 0)) as open_to_all:
+        reachable = open_to_all.getsockname()
+        places.append(reachable)
+        script = "".join(attempt.format(*place, *place) for place in places)
+        command = ("run", "--rm", "--network", "bridge", containers.image("node"))
+        reached = containers.docker(*command, "bash", "-c", f"{script} true").splitlines()
+    assert reached == ["reached {} {}".format(*reachable)]
 
 
 @pytest.mark.parametrize("token", [None, "0" * 64])
@@ -47,7 +52,7 @@ def test_jobs_are_refused_without_the_token(containers, token):
 
 def test_a_token_that_has_become_known_is_changed_by_removing_it(containers):
     known = containers.token
-    containers.rotate_token()
+    containers.remake("ray_token")
     assert containers.token != known
     containers.await_healthy()
     with pytest.raises(urllib.error.HTTPError) as refused:
@@ -76,6 +81,13 @@ def test_secrets_are_told_nowhere(containers):
     told += [containers.logs(name) for name in containers.names()]
     for secret in (containers.token, containers.password):
         assert not any(secret in text for text in told)
+
+
+def test_no_file_of_a_node_holds_the_token_but_the_log_that_is_known_for_it(containers):
+    look = "find /tmp /data /cache -type f -exec grep -lFf /run/secrets/ray_token {} + || true"
+    for service in ("head", "worker"):
+        found = containers.inside(service, "sh", "-c", look).splitlines()
+        assert all(place.endswith("/logs/dashboard.log") for place in found), found
 
 
 def test_containers_are_not_root_and_cannot_change_themselves(containers):

@@ -5,7 +5,7 @@ import time
 import pytest
 
 from tests.docker.conftest import MODELS, ROLLOUTS, SOLUTIONS, command
-from tests.docker.containers import await_true
+from tests.docker.patience import await_true
 
 pytestmark = [pytest.mark.slow, pytest.mark.cluster]
 

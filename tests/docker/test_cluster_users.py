@@ -6,7 +6,7 @@ from datetime import datetime
 import pytest
 
 from tests.docker.conftest import SOLUTIONS
-from tests.docker.containers import await_true
+from tests.docker.patience import await_true
 
 pytestmark = [pytest.mark.slow, pytest.mark.cluster]
 
@@ -42,6 +42,7 @@ def test_a_submitted_stage_is_followed_to_its_end(containers, configuration, ref
     print(
         f"first task solved {first - submitted:.1f} s after submission, {first - typed:.1f} typed"
     )
+    assert first - submitted < 15.0
 
 
 def test_a_cancelled_stage_keeps_what_it_made_and_goes_on(containers, configuration, reference):
@@ -54,6 +55,14 @@ def test_a_cancelled_stage_keeps_what_it_made_and_goes_on(containers, configurat
     again = containers.lmtr(*words, "--follow")
     assert again.returncode == 0, again.stderr
     assert containers.rows("/data/cancelled") == reference
+
+
+def test_a_cluster_whose_database_has_another_password_is_mended(containers, reference):
+    before = containers.password
+    containers.remake("postgres_password")
+    assert containers.password != before
+    assert containers.runs("generation")
+    assert containers.rows("/data/reference") == reference
 
 
 def test_a_cluster_is_stopped_under_work_and_goes_on(containers, configuration, reference):

@@ -85,6 +85,19 @@ def test_a_pod_offers_as_many_solvers_as_it_has_processors(cluster):
         assert group["rayStartParams"]["num-cpus"] == resources["limits"]["cpu"]
 
 
+def test_no_pod_has_rights_that_it_does_not_need(cluster, job):
+    for pod in (job["spec"]["template"]["spec"], *pods(cluster)):
+        # What the "restricted" level of Kubernetes' pod security standards asks for.
+        assert pod["securityContext"] == {
+            "runAsNonRoot": True,
+            "seccompProfile": {"type": "RuntimeDefault"},
+        }
+        assert pod["containers"][0]["securityContext"] == {
+            "allowPrivilegeEscalation": False,
+            "capabilities": {"drop": ["ALL"]},
+        }
+
+
 def test_the_version_of_ray_is_the_one_that_is_installed(cluster):
     assert cluster["spec"]["rayVersion"] == ray.__version__
 

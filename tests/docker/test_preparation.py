@@ -8,8 +8,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from compose_settings import keep, read
-from preparation import MADE, STORAGE, container_user, make_secrets, use_storage
+from preparation import MADE, STORAGE, container_user, make_secrets, secrets_state, use_storage
 from user_profile import settings_file, write_profile
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -44,45 +43,78 @@ def test_secrets_are_long_and_differ(folder, tmp_path):
     assert {len(bytes.fromhex(secret)) for secret in both} == {32}
 
 
-def test_a_second_start_keeps_them_and_says_which_it_made(folder):
+def test_a_second_start_keeps_them(folder):
     before = {file.name: file.read_bytes() for file in folder.iterdir()}
-    assert make_secrets(folder, container_user()) == []
+    state = secrets_state(folder)
+    make_secrets(folder, container_user())
     assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
+    assert secrets_state(folder) == state
 
 
-def test_storage_of_the_users_own_is_kept(folder):
-    use_storage(folder)
-    made = (folder / STORAGE).read_text()
-    assert f"AWS_SECRET_ACCESS_KEY={(folder / 'storage_password').read_text().strip()}\n" in made
+def key_of(folder):
+    lines = (folder / STORAGE).read_text().splitlines()
+    return dict(line.split("=", 1) for line in lines).get("AWS_SECRET_ACCESS_KEY")
+
+
+def test_object_storage_is_reached_by_its_password_also_by_a_new_one(folder):
+    for _ in range(2):
+        use_storage(folder, wanted=True)
+        assert key_of(folder) == (folder / "storage_password").read_text().strip()
+        (folder / "storage_password").unlink()
+        make_secrets(folder, container_user())
+    use_storage(folder, wanted=False)
+    assert key_of(folder) is None
+
+
+def test_nothing_is_written_again_that_is_right_already(folder):
+    use_storage(folder, wanted=True)
+    state = secrets_state(folder)
+    use_storage(folder, wanted=True)
+    assert secrets_state(folder) == state
+
+
+@pytest.mark.parametrize("wanted", [True, False])
+def test_storage_of_the_users_own_is_kept(folder, wanted):
     (folder / STORAGE).write_text("AWS_ENDPOINT_URL=https://store.example\n")
-    use_storage(folder)
+    use_storage(folder, wanted)
     assert (folder / STORAGE).read_text() == "AWS_ENDPOINT_URL=https://store.example\n"
 
 
 def test_a_removed_secret_is_made_anew(folder):
     before = (folder / "ray_token").read_text()
     (folder / "ray_token").unlink()
-    assert make_secrets(folder, container_user()) == ["ray_token"]
+    make_secrets(folder, container_user())
     assert (folder / "ray_token").read_text() != before
 
 
-def test_whoever_runs_a_rootless_engine_is_root_in_its_containers():
-    assert container_user(rootless=True) == 0
-    assert container_user() != 0
+@pytest.mark.parametrize("name", [*MADE, STORAGE])
+def test_a_secret_that_was_written_again_is_seen(folder, name):
+    state = secrets_state(folder)
+    (folder / name).write_text("another")
+    assert secrets_state(folder) != state
 
 
-def test_what_is_kept_is_replaced_and_the_users_lines_stay(tmp_path):
-    file = tmp_path / ".env"
-    file.write_text("# mine\nLMTR_WORKER_CPUS=3\nOTHER='a b'")
-    keep(file, {"LMTR_WORKER_CPUS": "1", "LMTR_UID": "7"})
-    keep(file, {"LMTR_WORKER_CPUS": "2", "LMTR_UID": "8"})
-    assert file.read_text().startswith("# mine\nLMTR_WORKER_CPUS=3\nOTHER='a b'\n")
-    assert read(file) == ({"LMTR_WORKER_CPUS": "3", "OTHER": "a b"}, {"LMTR_UID": "8"})
-    assert read(tmp_path / "none") == ({}, {})
+def test_where_users_are_mapped_the_group_reads_them_and_nobody_gets_to_them(folder):
+    make_secrets(folder, container_user(), 0o640)
+    assert {stat.S_IMODE(file.stat().st_mode) for file in folder.iterdir()} == {0o640}
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+    make_secrets(folder, container_user())
+    assert {stat.S_IMODE(file.stat().st_mode) for file in folder.iterdir()} == {0o600}
+
+
+def test_containers_are_the_user_s_also_by_sudo_and_never_root_s(monkeypatch):
+    monkeypatch.delenv("SUDO_UID", raising=False)
+    assert container_user() == (os.getuid() or 10001)
+    monkeypatch.setattr(os, "getuid", lambda: 0)
+    monkeypatch.setenv("SUDO_UID", "1234")
+    assert container_user() == 1234
+    monkeypatch.setenv("SUDO_UID", "0")
+    assert container_user() == 10001
 
 
 def test_git_sees_no_secret():
     paths = ["docker/secrets/ray_token", "docker/.env"]
+    paths += ["docker/secrets-second/ray_token", "docker/.env.second"]
     said = subprocess.run(
         ["git", "-C", str(ROOT), "check-ignore", *paths],
         capture_output=True,
