@@ -33,13 +33,13 @@ def test_another_network_namespace_reaches_nothing(containers):
         for port in (5000, 5432, 6379, 8265)
     ]
     places += [("172.17.0.1", port) for port in containers.ports]
-    attempt = "timeout 2 bash -c 'exec 3<> /dev/tcp/{}/{}' 2> /dev/null && echo reached {} {}; "
+    attempt = "timeout 2 bash -c 'exec 3<> /dev/tcp/{}/{}' 2> /dev/null && echo reached {} {} & "
     with socket.create_server(("172.17.0.1", 0)) as open_to_all:
         reachable = open_to_all.getsockname()
         places.append(reachable)
         script = "".join(attempt.format(*place, *place) for place in places)
         command = ("run", "--rm", "--network", "bridge", containers.image("node"))
-        reached = containers.docker(*command, "bash", "-c", f"{script} true").splitlines()
+        reached = containers.docker(*command, "bash", "-c", f"{script} wait").splitlines()
     assert reached == ["reached {} {}".format(*reachable)]
 
 
