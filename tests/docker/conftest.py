@@ -8,7 +8,7 @@ import pytest
 from tests.docker import engine
 from tests.docker.containers import Containers
 
-SOLUTIONS = 240
+SOLUTIONS = 160
 ROLLOUTS = 4
 MODELS = {"unimodal", "LMTR-2"}
 

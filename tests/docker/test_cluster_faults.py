@@ -11,6 +11,8 @@ pytestmark = [pytest.mark.slow, pytest.mark.cluster]
 
 OUTAGE_S = 60.0
 UNDER_WAY = SOLUTIONS // 8
+IMPATIENT = "env MLFLOW_HTTP_REQUEST_MAX_RETRIES=3"
+"""Less patience with a tracker that fails than the minutes which are usual."""
 
 
 def test_a_worker_killed_in_the_middle(containers, reference, faults):
@@ -116,7 +118,7 @@ def test_the_tracking_server_restarted_in_a_training(containers, segments, fault
 def test_no_room_for_artifacts_in_a_training(containers, segments, faults):
     make_room = containers.fill_artifacts()
     try:
-        job = containers.finish(containers.submit(training(3)))
+        job = containers.finish(containers.submit(f"{IMPATIENT} {training(3)}"))
     finally:
         make_room()
     said = containers.log(job.id)
