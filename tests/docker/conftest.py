@@ -8,7 +8,10 @@ import pytest
 from tests.docker import engine
 from tests.docker.containers import Containers
 
-SOLUTIONS = 160
+SOLUTIONS = 240
+UNDER_WAY = 5
+"""Commits, each of a row at least, after which a generation is under way."""
+
 ROLLOUTS = 4
 MODELS = {"unimodal", "LMTR-2"}
 

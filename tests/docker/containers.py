@@ -265,17 +265,20 @@ class Containers:
         except AssertionError:
             return []
 
-    def await_rows(self, home: str, count: int, job_id: str) -> None:
-        """Return when there are so many rows, or the job has ended."""
+    def commits(self, home: str) -> int:
+        """How often solutions were committed: quicker to be seen than rows, while work goes on."""
+        look = f"ls {home}/lake/solutions/_delta_log/*.json 2> /dev/null | wc -l"
+        return int(self.inside("head", "sh", "-c", look))
+
+    def await_commits(self, home: str, count: int, job_id: str) -> None:
+        """Return after so many commits; a job that ends before is none to be disturbed."""
 
         def enough() -> bool:
-            if len(self.rows(home)) >= count:
-                return True
             job = self.job(job_id)
-            assert job.status not in ENDED, f"{job} before {count} rows: {self.log(job_id)[-1500:]}"
-            return False
+            assert job.status not in ENDED, f"{job} too soon: {self.log(job_id)[-1500:]}"
+            return self.commits(home) >= count
 
-        await_true(enough, f"{count} rows")
+        await_true(enough, f"{count} commits")
 
     def await_healthy(self, nodes: int = 3) -> float:
         """Seconds until all containers are healthy and so many nodes are there."""

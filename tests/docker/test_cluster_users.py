@@ -5,7 +5,7 @@ from datetime import datetime
 
 import pytest
 
-from tests.docker.conftest import SOLUTIONS
+from tests.docker.conftest import SOLUTIONS, UNDER_WAY
 from tests.docker.patience import await_true
 
 pytestmark = [pytest.mark.slow, pytest.mark.cluster]
@@ -48,10 +48,10 @@ def test_a_submitted_stage_is_followed_to_its_end(containers, configuration, ref
 def test_a_cancelled_stage_keeps_what_it_made_and_goes_on(containers, configuration, reference):
     words = ("submit", "generate", "-c", configuration, "--home", "/data/cancelled")
     job_id = containers.lmtr(*words).stdout.strip()
-    containers.await_rows("/data/cancelled", SOLUTIONS // 8, job_id)
+    containers.await_commits("/data/cancelled", UNDER_WAY, job_id)
     done = containers.lmtr("cancel", job_id)
     assert "finished what was under way and stopped" in done.stderr
-    assert SOLUTIONS // 8 <= len(containers.rows("/data/cancelled")) < SOLUTIONS
+    assert UNDER_WAY <= len(containers.rows("/data/cancelled")) < SOLUTIONS
     again = containers.lmtr(*words, "--follow")
     assert again.returncode == 0, again.stderr
     assert containers.rows("/data/cancelled") == reference
@@ -68,11 +68,11 @@ def test_a_cluster_whose_database_has_another_password_is_mended(containers, ref
 def test_a_cluster_is_stopped_under_work_and_goes_on(containers, configuration, reference):
     words = ("submit", "generate", "-c", configuration, "--home", "/data/stopped")
     job_id = containers.lmtr(*words).stdout.strip()
-    containers.await_rows("/data/stopped", SOLUTIONS // 8, job_id)
+    containers.await_commits("/data/stopped", UNDER_WAY, job_id)
     containers.command("down")
     containers.command("up")
     await_true(lambda: containers.alive() == 3, "three nodes")
-    assert SOLUTIONS // 8 <= len(containers.rows("/data/stopped")) < SOLUTIONS
+    assert UNDER_WAY <= len(containers.rows("/data/stopped")) < SOLUTIONS
     again = containers.lmtr(*words, "--follow")
     assert again.returncode == 0, again.stderr
     assert containers.rows("/data/stopped") == reference
