@@ -15,15 +15,15 @@ export DO_NOT_TRACK := true
 # Of `make cluster`: its name, if there are several; containers that solve, and processors of each
 # (by default two workers, and all of the machine divided among them); whether the lake lies in
 # object storage (1, or 0 for no longer).
-NAME ?=
-WORKERS ?=
-WORKER_CPUS ?=
-STORAGE ?=
+NAME =
+WORKERS =
+WORKER_CPUS =
+STORAGE =
 CLUSTER := $(PYTHON) docker/cluster.py
 CLUSTER_NAME = $(if $(NAME),--name $(NAME))
 CLUSTER_OPTIONS = $(CLUSTER_NAME) $(if $(WORKERS),--workers $(WORKERS)) \
 	$(if $(WORKER_CPUS),--cpus $(WORKER_CPUS)) \
-	$(if $(STORAGE),$(if $(filter 0 no,$(STORAGE)),--no-storage,--storage))
+	$(if $(STORAGE),$(if $(filter 0 no false off,$(STORAGE)),--no-storage,--storage))
 
 .PHONY: help python install demo test lint types test-fast test-slow format clean images cluster \
 	cluster-down test-cluster

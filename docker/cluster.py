@@ -22,7 +22,6 @@ from compose_client import (
     find_engine,
     output,
     run,
-    succeeds,
 )
 from images import image_of, require_image
 from preparation import IMAGE_USER, container_user, make_secrets, secrets_state, use_storage
@@ -87,6 +86,8 @@ class LocalCluster:
                 f"segment reach ports published on 127.0.0.1; update it to {CLOSED_LOOPBACK}, or "
                 "close them in a firewall"
             )
+        if (bind := self._settings.bind) != "127.0.0.1":
+            print(f"cluster: note: others may reach it at {bind}, MLflow without a password")
         self._refuse_another_checkout()
         self.images()
         user = self._require_secrets()
@@ -97,6 +98,8 @@ class LocalCluster:
 
     def down(self) -> None:
         """Stop it: jobs finish what is under way and commit it; data stay in the volumes."""
+        self._refuse_another_checkout()
+        self._drain()
         self._compose("--profile", STORAGE_PROFILE, "down", "--remove-orphans")
 
     def images(self) -> None:
@@ -113,6 +116,7 @@ class LocalCluster:
     def _start(self) -> None:
         began = time.monotonic()
         if self._settings.drops_storage:
+            self._drain()
             self._compose("--profile", STORAGE_PROFILE, "rm", "--stop", "--force", "storage")
         self._compose("up", "--detach", "--remove-orphans")
         # The volume may be older than the password, and the tracking server waits for it.
@@ -123,46 +127,53 @@ class LocalCluster:
         print(f"cluster: all healthy after {time.monotonic() - began:.0f} s")
         self._tell()
 
+    def _drain(self) -> None:
+        """Let jobs commit while all that they need is still there."""
+        self._compose("stop", "head")
+
     def _require_secrets(self) -> int:
         """Make secrets that are missing; returns the number of a user who reads them in containers.
 
         Raises:
             ToolError: There is none.
         """
-        folder = self._settings.secrets
-        # Where an engine maps users, its containers' group is that of whoever starts them.
+        folder, said = self._settings.secrets, self._settings.said.get("LMTR_UID")
         usual = int(self._settings.values.get("LMTR_UID") or container_user())
-        for user, mode in ((usual, 0o600), (IMAGE_USER, 0o640)):
+        # Where an engine maps users, its containers' group is that of whoever starts them.
+        for user, mode in ((usual, 0o600), (usual if said else IMAGE_USER, 0o640)):
             make_secrets(folder, user, mode)
-            if self._reads(user, folder / "ray_token"):
+            try:
+                self._read(user, folder / "ray_token")
+            except ToolError as error:
+                reason = error
+            else:
                 return user
         raise ToolError(
-            f"containers cannot read {folder}; if this machine has SELinux, "
-            f"`chcon -R -t container_file_t {folder}` allows it, else the engine maps users "
-            "(userns-remap): use one that does not, or a rootless one"
+            f"containers cannot read {folder} as user {user} ({reason}); if LMTR_UID is set, "
+            f"remove it; if this machine has SELinux, `chcon -R -t container_file_t {folder}` "
+            "allows it; if the engine maps users (userns-remap), use one that does not, or a "
+            "rootless one"
         )
 
-    def _reads(self, user: int, file: Path) -> bool:
+    def _read(self, user: int, file: Path) -> None:
+        mount = f"type=bind,source={file},target=/asked,readonly"
         command = [self._docker, "run", "--rm", "--network", "none", "--user", f"{user}:0"]
-        command += [
-            "--cap-drop",
-            "ALL",
-            "--mount",
-            f"type=bind,source={file},target=/asked,readonly",
-        ]
+        command += ["--cap-drop", "ALL", "--mount", mount]
         image = image_of("node", self._settings.values)
-        return succeeds([*command, "--entrypoint", "test", image, "-r", "/asked"])
+        output([*command, "--entrypoint", "test", image, "-r", "/asked"])
 
     def _refuse_another_checkout(self) -> None:
         """Two checkouts would take each other's cluster of the same name for their own."""
         label = "com.docker.compose.project"
-        command = [self._docker, "ps", "--filter", f"label={label}={self._settings.project}"]
+        project = self._settings.project
+        command = [self._docker, "ps", "--all", "--filter", f"label={label}={project}"]
         told = output([*command, "--format", f'{{{{.Label "{label}.working_dir"}}}}'])
         others = {Path(folder).resolve() for folder in told.splitlines() if folder} - {HERE}
-        if others:
+        for folder in filter(Path.exists, others):
             raise ToolError(
-                f"a cluster {self._settings.project!r} runs that {others.pop()} has started; stop "
-                "it from there, or give this one another name: make cluster NAME=…, and other ports"
+                f"there is a cluster {project!r} that {folder} has started; remove it from there "
+                "(make cluster-down), or give this one another name: make cluster NAME=…, and "
+                "other ports"
             )
 
     def _compose(self, *words: str) -> None:
@@ -223,6 +234,7 @@ class LocalCluster:
             print(f"cluster: note: started by sudo, so {file} is root's; `lmtr` reads your own")
         profile = "" if default else f"--profile {name} "
         naming = "" if settings.is_usual else f" NAME={settings.project}"
+        chosen = "" if settings.is_usual else f"--env-file {settings.dotenv.name} "
         print(
             f"cluster: profile `{name}` is in {file}\n"
             f"  lmtr {profile}submit run demo       the whole path, on the cluster\n"
@@ -230,7 +242,8 @@ class LocalCluster:
             f"  lmtr {profile}doctor --cluster      whether all is well, and how to mend the rest\n"
             f"  {settings.tracking}          experiments\n"
             f"  {settings.head}          Ray's dashboard; its token: {token}\n"
-            f"  make cluster-down{naming}           stop it; data stay"
+            f"  make cluster-down{naming}           stop it; data stay\n"
+            f"  cd docker && docker compose {chosen}ps   its containers"
         )
 
 

@@ -5,6 +5,7 @@ In this order. What was once set is kept in ``.env``, but for what is computed a
 
 import os
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -41,7 +42,7 @@ class Wishes:
         storage: Whether the lake is in object storage of the cluster's own.
 
     Raises:
-        ValueError: There would be nothing that solves, or the name is none.
+        ValueError: The name is none.
     """
 
     name: str | None = None
@@ -50,12 +51,8 @@ class Wishes:
     storage: bool | None = None
 
     def __post_init__(self) -> None:
-        if any(number is not None and number < 1 for number in (self.workers, self.cpus)):
-            raise ValueError("a cluster needs at least one worker with one processor")
         if self.name is not None and not re.fullmatch(r"[a-z0-9][a-z0-9_-]*", self.name):
-            raise ValueError(
-                f"{self.name!r} is no name of a cluster: small letters, digits, - and _"
-            )
+            raise ValueError(f"{self.name!r} is no name: small letters, digits, - and _")
 
 
 class ClusterSettings:
@@ -67,8 +64,12 @@ class ClusterSettings:
     Attributes:
         project: Compose's name for it.
         dotenv: The file that settings are kept in; ``LMTR_DOTENV`` names another one.
-        values: All settings that were made, by their variables.
+        said: Settings that were typed, in the environment, or in the user's lines.
+        values: All settings, also those of earlier starts, by their variables.
         environment: Of Compose, which reads the rest in ``dotenv`` itself.
+
+    Raises:
+        ValueError: There would be nothing that solves.
     """
 
     def __init__(self, wishes: Wishes) -> None:
@@ -82,19 +83,26 @@ class ClusterSettings:
         self.dotenv = Path(environ.get("LMTR_DOTENV") or file)
         said = compose_settings.Dotenv.of(self.dotenv)
         self._own = said.own
-        kept = {name: value for name, value in said.kept.items() if name not in COMPUTED}
         typed = self._typed()
-        self.values = {**kept, **said.own, **environ, **typed}
+        self.said = {**said.own, **environ, **typed}
+        self.values = {**_meant(said.kept), **self.said}
         if not (self.is_usual or self.values.get("LMTR_SECRETS")):
             self.values["LMTR_SECRETS"] = f"./secrets-{self.project}"
-        if self.values.get("LMTR_CLUSTER_HOME", "") in ("", *HOMES.values()):
-            self.values["LMTR_CLUSTER_HOME"] = HOMES[self.has_storage]
+        self.values["LMTR_CLUSTER_HOME"] = (
+            self.values.get("LMTR_CLUSTER_HOME") or HOMES[_has_storage(self.values)]
+        )
+        for name in ("LMTR_WORKERS", "LMTR_WORKER_CPUS"):
+            if not re.fullmatch(r"[1-9]\d*|", self.values.get(name, "")):
+                raise ValueError(
+                    f"{name}={self.values[name]}: a cluster needs at least one worker with one "
+                    "processor"
+                )
         self.environment = {**environ, **typed}
 
     @property
     def has_storage(self) -> bool:
         """Whether object storage is among the containers."""
-        return STORAGE_PROFILE in self.values.get("COMPOSE_PROFILES", "").split(",")
+        return _has_storage(self.values)
 
     @property
     def drops_storage(self) -> bool:
@@ -112,6 +120,11 @@ class ClusterSettings:
         separator = self.values.get("COMPOSE_PATH_SEPARATOR") or os.pathsep
         named = [name for name in self.values.get("COMPOSE_FILE", "").split(separator) if name]
         return [Path(name).absolute() for name in named] or [COMPOSE_FILE]
+
+    @property
+    def bind(self) -> str:
+        """Address of this machine that its ports are published on."""
+        return self.values.get("LMTR_BIND") or "127.0.0.1"
 
     @property
     def head(self) -> str:
@@ -139,17 +152,16 @@ class ClusterSettings:
         Raises:
             ValueError: A value cannot be written.
         """
-        self.values |= found
+        self.values = {**self._shares(engine), **self.values, **found}
         names = {"COMPOSE_PROJECT_NAME", "COMPOSE_PROFILES"}
         for file in self.files:
             names |= set(re.findall(r"\$\{(LMTR_\w+)", file.read_text(encoding="utf-8")))
-        kept = {name: self.values[name] for name in names if name in self.values}
-        computed = {**self._shares(engine), **found}
-        kept |= {name: value for name, value in computed.items() if name not in self.environment}
+        meant = {name: self.values[name] for name in names if name in self.values}
+        self.environment |= meant
         if self.values.get("COMPOSE_FILE"):
-            kept["COMPOSE_FILE"] = os.pathsep.join(map(str, self.files))
-        mine = {name: value for name, value in kept.items() if name not in self._own}
-        compose_settings.keep(self.dotenv, mine)
+            meant["COMPOSE_FILE"] = os.pathsep.join(map(str, self.files))
+        kept = {name: value for name, value in meant.items() if name not in self._own}
+        compose_settings.keep(self.dotenv, kept)
 
     def _typed(self) -> dict[str, str]:
         wishes = self._wishes
@@ -172,3 +184,17 @@ class ClusterSettings:
             "LMTR_WORKER_CPU_LIMIT": str(limit),
             "LMTR_WORKER_MEMORY": f"{max(LEAST_MB, NODE_MB + each * SOLVER_MB)}m",
         }
+
+
+def _has_storage(settings: Mapping[str, str]) -> bool:
+    return STORAGE_PROFILE in settings.get("COMPOSE_PROFILES", "").split(",")
+
+
+def _meant(kept: Mapping[str, str]) -> dict[str, str]:
+    """What of an earlier start was set, and did not follow from the rest."""
+    followed = {"LMTR_CLUSTER_HOME": HOMES[_has_storage(kept)]}
+    return {
+        name: value
+        for name, value in kept.items()
+        if name not in COMPUTED and followed.get(name) != value
+    }

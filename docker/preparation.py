@@ -40,6 +40,7 @@ def make_secrets(folder: Path, user: int, mode: int = 0o600) -> None:
         mode: Of the files.
     """
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    _make(folder / ".gitignore", "*\n")
     for name in MADE:
         _make(folder / name, secrets.token_hex(32) + "\n")
     _make(folder / STORAGE, "")

@@ -80,8 +80,21 @@ def test_object_storage_stays_until_it_is_not_wanted(start):
     settings = start(storage=False)
     assert (settings.has_storage, settings.home) == (False, "/data/home")
     assert start().home == "/data/home"
-    mine = start({"LMTR_CLUSTER_HOME": "s3://mine/home"}, storage=True)
-    assert mine.home == start(storage=False).home == "s3://mine/home"
+
+
+@pytest.mark.parametrize("home", ["s3://mine/home", "s3://lmtr/home", "/data/home", "/data/x"])
+@pytest.mark.parametrize("storage", [True, False])
+def test_a_home_of_the_users_own_is_what_everybody_is_told(start, home, storage):
+    settings = start({"LMTR_CLUSTER_HOME": home}, storage=storage)
+    told = (settings.environment["LMTR_CLUSTER_HOME"], kept(settings)["LMTR_CLUSTER_HOME"])
+    assert (settings.home, *told) == (home, home, home)
+    assert start().home == home
+
+
+def test_what_compose_is_told_is_what_was_found(start):
+    settings = start({"LMTR_UID": "77", "LMTR_DASHBOARD_PORT": ""})
+    assert settings.environment["LMTR_UID"] == kept(settings)["LMTR_UID"] == FOUND["LMTR_UID"]
+    assert settings.head == "http://127.0.0.1:8265"
 
 
 def test_a_second_cluster_has_a_file_and_secrets_of_its_own(start):
@@ -133,10 +146,17 @@ def test_a_value_that_cannot_be_written_is_refused(start):
         start({"LMTR_HEAD_MEMORY": "it's"})
 
 
-@pytest.mark.parametrize("wishes", [{"workers": 0}, {"cpus": 0}, {"name": "A b"}])
-def test_an_impossible_cluster_is_refused(wishes):
+@pytest.mark.parametrize("wishes", [{"workers": 0}, {"cpus": -1}, {"name": "A b"}])
+def test_an_impossible_cluster_is_refused(start, wishes):
     with pytest.raises(ValueError, match=r"at least one|no name"):
-        Wishes(**wishes)
+        start(**wishes)
+
+
+@pytest.mark.parametrize("setting", ["LMTR_WORKERS=0", "LMTR_WORKER_CPUS=2.5", "LMTR_WORKERS=x"])
+def test_an_impossible_number_is_refused_by_its_name(start, setting):
+    name, value = setting.split("=")
+    with pytest.raises(ValueError, match=setting):
+        start({name: value})
 
 
 @pytest.mark.parametrize(

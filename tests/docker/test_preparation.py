@@ -26,9 +26,14 @@ def folder(tmp_path):
     return made
 
 
+def secrets_of(folder):
+    """Its files, but for the one that keeps Git out."""
+    return [file for file in folder.iterdir() if file.name != ".gitignore"]
+
+
 def test_nobody_else_reads_a_secret(folder):
     assert stat.S_IMODE(folder.stat().st_mode) == 0o700
-    files = sorted(folder.iterdir())
+    files = sorted(secrets_of(folder))
     assert [file.name for file in files] == sorted([*MADE, STORAGE])
     assert {stat.S_IMODE(file.stat().st_mode) for file in files} == {0o600}
     assert {file.stat().st_uid for file in files} == {container_user()}
@@ -44,10 +49,10 @@ def test_secrets_are_long_and_differ(folder, tmp_path):
 
 
 def test_a_second_start_keeps_them(folder):
-    before = {file.name: file.read_bytes() for file in folder.iterdir()}
+    before = {file.name: file.read_bytes() for file in secrets_of(folder)}
     state = secrets_state(folder)
     make_secrets(folder, container_user())
-    assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
+    assert {file.name: file.read_bytes() for file in secrets_of(folder)} == before
     assert secrets_state(folder) == state
 
 
@@ -96,10 +101,10 @@ def test_a_secret_that_was_written_again_is_seen(folder, name):
 
 def test_where_users_are_mapped_the_group_reads_them_and_nobody_gets_to_them(folder):
     make_secrets(folder, container_user(), 0o640)
-    assert {stat.S_IMODE(file.stat().st_mode) for file in folder.iterdir()} == {0o640}
+    assert {stat.S_IMODE(file.stat().st_mode) for file in secrets_of(folder)} == {0o640}
     assert stat.S_IMODE(folder.stat().st_mode) == 0o700
     make_secrets(folder, container_user())
-    assert {stat.S_IMODE(file.stat().st_mode) for file in folder.iterdir()} == {0o600}
+    assert {stat.S_IMODE(file.stat().st_mode) for file in secrets_of(folder)} == {0o600}
 
 
 def test_containers_are_the_user_s_also_by_sudo_and_never_root_s(monkeypatch):
@@ -110,6 +115,12 @@ def test_containers_are_the_user_s_also_by_sudo_and_never_root_s(monkeypatch):
     assert container_user() == 1234
     monkeypatch.setenv("SUDO_UID", "0")
     assert container_user() == 10001
+
+
+def test_git_sees_no_secret_wherever_they_are(folder):
+    subprocess.run(["git", "init", "--quiet", folder.parent], check=True)
+    told = ["git", "-C", str(folder.parent), "status", "--porcelain", "--untracked-files=all"]
+    assert subprocess.run(told, capture_output=True, text=True, check=True).stdout == ""
 
 
 def test_git_sees_no_secret():
@@ -162,4 +173,6 @@ def test_an_impossible_cluster_is_refused_in_one_line():
     command = [sys.executable, str(ROOT / "docker" / "cluster.py"), "up", "--workers", "0"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 2
-    assert done.stderr == "cluster: a cluster needs at least one worker with one processor\n"
+    assert done.stderr == (
+        "cluster: LMTR_WORKERS=0: a cluster needs at least one worker with one processor\n"
+    )
