@@ -24,7 +24,7 @@ from tests.docker.engine import build_environment
 from tests.docker.patience import PATIENCE_S, await_true
 
 ROOT = Path(__file__).resolve().parents[2]
-ARTIFACTS_MB = 24
+ARTIFACTS_MB = 96
 """Size of the disk of artifacts: room for what the tests keep, and soon full."""
 
 IMAGE_USER = 10001
