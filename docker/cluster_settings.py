@@ -91,12 +91,7 @@ class ClusterSettings:
         self.values["LMTR_CLUSTER_HOME"] = (
             self.values.get("LMTR_CLUSTER_HOME") or HOMES[_has_storage(self.values)]
         )
-        for name in ("LMTR_WORKERS", "LMTR_WORKER_CPUS"):
-            if not re.fullmatch(r"[1-9]\d*|", self.values.get(name, "")):
-                raise ValueError(
-                    f"{name}={self.values[name]}: a cluster needs at least one worker with one "
-                    "processor"
-                )
+        _check_sizes(self.values)
         self.environment = {**environ, **typed}
 
     @property
@@ -184,6 +179,14 @@ class ClusterSettings:
             "LMTR_WORKER_CPU_LIMIT": str(limit),
             "LMTR_WORKER_MEMORY": f"{max(LEAST_MB, NODE_MB + each * SOLVER_MB)}m",
         }
+
+
+def _check_sizes(settings: Mapping[str, str]) -> None:
+    for name in ("LMTR_WORKERS", "LMTR_WORKER_CPUS"):
+        if not re.fullmatch(r"[1-9]\d*|", settings.get(name, "")):
+            raise ValueError(
+                f"{name}={settings[name]}: a cluster needs at least one worker with one processor"
+            )
 
 
 def _has_storage(settings: Mapping[str, str]) -> bool:
