@@ -14,6 +14,9 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 PATIENCE_MS = 60_000.0
 """Both pages load megabytes of scripts, which a busy machine takes its time for."""
 
+LINE = ".js-plotly-plot .scatterlayer path.js-line"
+"""The line of a chart, which MLflow fetches and draws after its title."""
+
 SCREENSHOTS = "LMTR_SCREENSHOTS"
 """Environment variable with a folder for screenshots, to be looked at."""
 
@@ -87,6 +90,7 @@ def test_mlflow_shows_what_the_cluster_made(containers, trained, page, screensho
     page.goto(f"{server}/#/experiments/{experiment}/runs/{info['run_id']}/model-metrics")
     page.get_by_placeholder("Search metric charts").fill("train.loss")
     page.get_by_text("train.loss", exact=True).first.wait_for()
+    page.locator(LINE).first.wait_for()
     screenshot("mlflow-metrics")
     page.goto(f"{server}/#/experiments/{experiment}/runs/{info['run_id']}/artifacts")
     page.get_by_text("learning.png").first.click()
