@@ -75,7 +75,9 @@ class LoggedTally:
 def generation_log(
     config: Configuration, workspace: Workspace, tally: GenerationTally
 ) -> Iterator[LoggedTally]:
-    """A run of the tracker for one call of ``lmtr generate``.
+    """A run of the tracker for one call of ``lmtr generate``, which is the only one at work.
+
+    Earlier calls that were killed, and could not tell, are told to be so.
 
     What ends the block ends the run, and is what the user hears of, whatever the tracker says.
     """
@@ -104,13 +106,11 @@ def _end(stack: ExitStack, error: BaseException | None) -> None:
 
 def _run(stack: ExitStack, config: Configuration, workspace: Workspace) -> Run | None:
     parameters = config.model_dump(mode="json", include=set(DECIDING))
-    tags = {
-        "dataset_id": config.dataset_id,
-        "code_version": code_version(),
-        "stage": "generate",
-    }
+    dataset = {"dataset_id": config.dataset_id}
+    tags = {**dataset, "code_version": code_version(), "stage": "generate"}
     try:
         experiment = workspace.tracker.experiment(EXPERIMENT)
+        workspace.tracker.end_lost(experiment, dataset)
         run: Run = stack.enter_context(
             workspace.tracker.run(experiment, config.dataset_id, parameters, tags)
         )

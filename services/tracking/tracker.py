@@ -106,6 +106,18 @@ class Tracker:
                 run.params(flat(params), known)
             yield run
 
+    def end_lost(self, experiment_id: str, tags: Mapping[str, str]) -> None:
+        """Tell of this home's runs with these tags that they were killed, if they still go on.
+
+        For who knows that no process makes them any more: one that was killed has told nobody.
+        """
+        tags = {**tags, HOME: self._home} if self._home else tags
+        wanted = ["attributes.status = 'RUNNING'"]
+        wanted += [f"tags.{key} = '{value}'" for key, value in tags.items()]
+        with reported("runs that were killed"):
+            for run in self._client.search_runs([experiment_id], " and ".join(wanted)):
+                self._client.set_terminated(run.info.run_id, status="KILLED")
+
     def _own(self, identity: str | None) -> str | None:
         """An identity that no run of another home has: two may train the same settings."""
         if identity is None or not self._home:

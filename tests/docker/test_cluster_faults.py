@@ -30,6 +30,7 @@ def test_a_worker_killed_in_the_middle(containers, reference, faults):
     containers.docker("start", worker)
     containers.await_healthy()
     assert (lost, doubled) == (0, 0)
+    assert recorded(containers, home) == ["FINISHED"]
     assert moved < 45.0
 
 
@@ -51,6 +52,7 @@ def test_a_worker_off_the_network_for_a_minute(containers, reference, faults):
     words = f"{seen}; missed after {missed:.0f} s, back {back:.0f} s after the network"
     faults.add("worker off the network, 60 s", words, missed, lost, doubled)
     assert (lost, doubled) == (0, 0)
+    assert recorded(containers, home) == ["FINISHED"]
     assert missed < 45.0
 
 
@@ -65,6 +67,7 @@ def test_the_head_killed_and_the_job_submitted_again(containers, reference, faul
     lost, doubled = compared(containers.rows(home), reference)
     faults.add("head killed", f"job gone; submitted again: {seen}", recovered, lost, doubled)
     assert (lost, doubled) == (0, 0)
+    assert recorded(containers, home) == ["KILLED", "FINISHED"]
 
 
 def test_the_head_told_to_end(containers, reference, faults):
@@ -84,6 +87,7 @@ def test_the_head_told_to_end(containers, reference, faults):
     faults.add("head told to end (SIGTERM)", word, took, lost, doubled)
     assert UNDER_WAY < kept < SOLUTIONS
     assert (lost, doubled) == (0, 0)
+    assert recorded(containers, home) == ["KILLED", "FINISHED"]
 
 
 @pytest.fixture(scope="module")
@@ -191,6 +195,12 @@ def compared(rows, reference):
     return len(set(reference) - set(rows)), len(rows) - len({index for index, _ in rows})
 
 
+def recorded(containers, home):
+    """How MLflow says that the generations of a home ended, the oldest first."""
+    runs = [run["info"] for run in containers.runs("generation") if tag(run, "home") == home]
+    return [run["status"] for run in sorted(runs, key=lambda run: run["start_time"])]
+
+
 def note_whole(containers, seed, faults, fault, seen, began):
     """All models are there once; MLflow has one finished run of each, with metrics and files."""
     took = time.monotonic() - began
@@ -211,3 +221,8 @@ def note_whole(containers, seed, faults, fault, seen, began):
 def param(run, key):
     """The value of a run's parameter."""
     return {each["key"]: each["value"] for each in run["data"].get("params", [])}.get(key)
+
+
+def tag(run, key):
+    """The value of a run's tag."""
+    return {each["key"]: each["value"] for each in run["data"].get("tags", [])}.get(key)

@@ -80,6 +80,22 @@ def test_the_trackers_run_holds_the_same_figures(lmtr, home, config):
     assert run.data.params["dataset.name"] == "short"
 
 
+def test_a_run_whose_call_was_killed_does_not_go_on_for_ever(lmtr, home, config):
+    _, made, _ = lmtr("generate", "-c", config, "--home", home)
+    from mlflow import MlflowClient
+
+    client = MlflowClient(f"sqlite:///{home / 'mlflow.db'}")
+    experiment = client.get_experiment_by_name("generation").experiment_id
+    (killed,) = client.search_runs([experiment])
+    client.update_run(killed.info.run_id, status="RUNNING")  # a killed process leaves it so
+    other = client.create_run(experiment, tags={"dataset_id": "of-another"})
+    lmtr("generate", "-d", made.strip(), "-n", 4, "-w", 0, "--home", home)
+    ended = {run.info.run_id: run.info.status for run in client.search_runs([experiment])}
+    assert ended.pop(killed.info.run_id) == "KILLED"
+    assert ended.pop(other.info.run_id) == "RUNNING"
+    assert list(ended.values()) == ["FINISHED"]
+
+
 def test_other_settings_for_a_data_set_are_refused_with_their_differences(lmtr, home, config):
     _, made, _ = lmtr("generate", "-c", config, "--home", home)
     name = made.strip()
