@@ -20,6 +20,9 @@ EXPERIMENT = "generation"
 EVERY_S = 30.0
 """Figures go to the tracker together, so often (s)."""
 
+SILENT_S = 600.0
+"""A call elsewhere of which nothing was heard so long was killed (s)."""
+
 logger = logging.getLogger(__name__)
 
 
@@ -75,9 +78,10 @@ class LoggedTally:
 def generation_log(
     config: Configuration, workspace: Workspace, tally: GenerationTally
 ) -> Iterator[LoggedTally]:
-    """A run of the tracker for one call of ``lmtr generate``, which is the only one at work.
+    """A run of the tracker for one call of ``lmtr generate``.
 
-    Earlier calls that were killed, and could not tell, are told to be so.
+    Earlier calls that were killed, and could not tell, are told to be so. No other is at work on
+    a home that is a folder; one in an object store may be worked on from elsewhere.
 
     What ends the block ends the run, and is what the user hears of, whatever the tracker says.
     """
@@ -106,11 +110,14 @@ def _end(stack: ExitStack, error: BaseException | None) -> None:
 
 def _run(stack: ExitStack, config: Configuration, workspace: Workspace) -> Run | None:
     parameters = config.model_dump(mode="json", include=set(DECIDING))
-    dataset = {"dataset_id": config.dataset_id}
-    tags = {**dataset, "code_version": code_version(), "stage": "generate"}
+    tags = {
+        "dataset_id": config.dataset_id,
+        "code_version": code_version(),
+        "stage": "generate",
+    }
     try:
         experiment = workspace.tracker.experiment(EXPERIMENT)
-        workspace.tracker.end_lost(experiment, dataset)
+        _end_lost(workspace, experiment, config.dataset_id)
         run: Run = stack.enter_context(
             workspace.tracker.run(experiment, config.dataset_id, parameters, tags)
         )
@@ -118,3 +125,12 @@ def _run(stack: ExitStack, config: Configuration, workspace: Workspace) -> Run |
         logger.warning("generate: the tracker keeps no record of this run: %s", error)
         return None
     return run
+
+
+def _end_lost(workspace: Workspace, experiment: str, dataset_id: str) -> None:
+    """End runs of calls that were killed; what is wrong with them costs nothing else."""
+    silent_s = 0.0 if workspace.home.access is None else SILENT_S
+    try:
+        workspace.tracker.end_lost(experiment, {"dataset_id": dataset_id}, silent_s)
+    except TrackingError as error:
+        logger.warning("generate: earlier runs that were killed may seem to go on: %s", error)

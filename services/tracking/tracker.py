@@ -4,6 +4,7 @@ import fcntl
 import hashlib
 import logging
 import os
+import time
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -18,6 +19,7 @@ from services.tracking.run import Run, flat, reported
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
+    from mlflow.entities import Run as MlflowRun
 
 
 IDENTITY = "identity"
@@ -106,17 +108,31 @@ class Tracker:
                 run.params(flat(params), known)
             yield run
 
-    def end_lost(self, experiment_id: str, tags: Mapping[str, str]) -> None:
+    def end_lost(self, experiment_id: str, tags: Mapping[str, str], silent_s: float = 0.0) -> None:
         """Tell of this home's runs with these tags that they were killed, if they still go on.
 
-        For who knows that no process makes them any more: one that was killed has told nobody.
+        For who knows that no process makes them any more: one that was killed has told nobody. They
+        end when they were last heard of.
+
+        Args:
+            experiment_id: From :meth:`experiment`.
+            tags: What they are found by.
+            silent_s: Leave out those heard of within this time (s): processes elsewhere may go on.
         """
-        tags = {**tags, HOME: self._home} if self._home else tags
-        wanted = ["attributes.status = 'RUNNING'"]
-        wanted += [f"tags.{key} = '{value}'" for key, value in tags.items()]
+        wanted = {**tags, HOME: self._home} if self._home else tags
         with reported("runs that were killed"):
-            for run in self._client.search_runs([experiment_id], " and ".join(wanted)):
-                self._client.set_terminated(run.info.run_id, status="KILLED")
+            for run in self._client.search_runs([experiment_id], "attributes.status = 'RUNNING'"):
+                heard_ms = self._last_heard_ms(run)
+                silent = time.time() - heard_ms / 1000.0 >= silent_s
+                if silent and wanted.items() <= run.data.tags.items():
+                    self._client.set_terminated(run.info.run_id, "KILLED", heard_ms)
+
+    def _last_heard_ms(self, run: "MlflowRun") -> int:
+        """When a run began, or got its last figure (ms since 1970)."""
+        keys = list(run.data.metrics)[:1]
+        told = [m for key in keys for m in self._client.get_metric_history(run.info.run_id, key)]
+        heard: int = max([run.info.start_time, *(metric.timestamp for metric in told)])
+        return heard
 
     def _own(self, identity: str | None) -> str | None:
         """An identity that no run of another home has: two may train the same settings."""

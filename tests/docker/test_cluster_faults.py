@@ -62,7 +62,8 @@ def test_the_head_killed_and_the_job_submitted_again(containers, reference, faul
     containers.crash(containers.names("head")[0])
     kept = len(containers.rows(home)) if containers.alive() else UNDER_WAY
     recovered = containers.await_healthy()
-    assert len(containers.rows(home)) >= kept >= UNDER_WAY
+    assert SOLUTIONS > len(containers.rows(home)) >= kept >= UNDER_WAY
+    assert recorded(containers, home) == ["RUNNING"]
     seen = finished(containers, containers.submit(command("generate", home)))
     lost, doubled = compared(containers.rows(home), reference)
     faults.add("head killed", f"job gone; submitted again: {seen}", recovered, lost, doubled)
@@ -81,6 +82,7 @@ def test_the_head_told_to_end(containers, reference, faults):
     containers.docker("start", head)
     containers.await_healthy()
     kept = len(containers.rows(home))
+    assert recorded(containers, home) == ["KILLED"]
     seen = finished(containers, containers.submit(command("generate", home)))
     lost, doubled = compared(containers.rows(home), reference)
     word = f"{kept} of {SOLUTIONS} kept; submitted again: {seen}"

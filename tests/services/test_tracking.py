@@ -2,6 +2,7 @@
 
 import math
 import sqlite3
+import time
 
 import pytest
 from matplotlib.figure import Figure
@@ -22,6 +23,36 @@ def reader(tracker):
     from mlflow import MlflowClient
 
     return MlflowClient(tracking_uri=tracker.uri)
+
+
+def test_runs_that_were_killed_end_when_they_were_last_heard_of(tracker, reader):
+    experiment = tracker.experiment("killed")
+    ours, theirs = "/data/o'brien", "/data/other"
+
+    def begun(home, began_ms, *heard_ms, **tags):
+        made = reader.create_run(experiment, start_time=began_ms, tags={"home": home, **tags})
+        for timestamp in heard_ms:
+            reader.log_metric(made.info.run_id, "loss", 1.0, timestamp=timestamp)
+        return made.info.run_id
+
+    now = int(time.time() * 1000)
+    silent = begun(ours, 1_000, data="a")
+    heard = begun(ours, 1_000, 2_000, 3_000, data="a")
+    alive = begun(ours, 1_000, now, data="a")
+    others = [begun(ours, 1_000, data="b"), begun(theirs, 1_000, data="a")]
+    with Tracker(tracker.uri, tracker.artifacts, ours).run(experiment, "done", {}, {"data": "a"}):
+        pass
+
+    def ended():
+        runs = [run.info for run in reader.search_runs([experiment])]
+        return {run.run_id: run.end_time for run in runs if run.status == "KILLED"}
+
+    home = Tracker(tracker.uri, tracker.artifacts, ours)
+    home.end_lost(experiment, {"data": "a"}, silent_s=600.0)
+    assert ended() == {silent: 1_000, heard: 3_000}
+    home.end_lost(experiment, {"data": "a"})
+    assert ended() == {silent: 1_000, heard: 3_000, alive: now}
+    assert {reader.get_run(run).info.status for run in others} == {"RUNNING"}
 
 
 def test_a_run_can_be_read_back(tracker, reader, tmp_path):
