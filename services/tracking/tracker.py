@@ -122,9 +122,10 @@ class Tracker:
         wanted = {**tags, HOME: self._home} if self._home else tags
         with reported("runs that were killed"):
             for run in self._client.search_runs([experiment_id], "attributes.status = 'RUNNING'"):
+                if not wanted.items() <= run.data.tags.items():
+                    continue
                 heard_ms = self._last_heard_ms(run)
-                silent = time.time() - heard_ms / 1000.0 >= silent_s
-                if silent and wanted.items() <= run.data.tags.items():
+                if time.time() - heard_ms / 1000.0 >= silent_s:
                     self._client.set_terminated(run.info.run_id, "KILLED", heard_ms)
 
     def _last_heard_ms(self, run: "MlflowRun") -> int:

@@ -6,6 +6,7 @@ import pytest
 
 from tests.docker.conftest import MODELS, ROLLOUTS, SOLUTIONS, UNDER_WAY, command
 from tests.docker.patience import await_true
+from tests.docker.recorded_runs import metrics, params, tags
 
 pytestmark = [pytest.mark.slow, pytest.mark.cluster]
 
@@ -199,7 +200,7 @@ def compared(rows, reference):
 
 def recorded(containers, home):
     """How MLflow says that the generations of a home ended, the oldest first."""
-    runs = [run["info"] for run in containers.runs("generation") if tag(run, "home") == home]
+    runs = [run["info"] for run in containers.runs("generation") if tags(run).get("home") == home]
     return [run["status"] for run in sorted(runs, key=lambda run: run["start_time"])]
 
 
@@ -208,7 +209,7 @@ def note_whole(containers, seed, faults, fault, seen, began):
     took = time.monotonic() - began
     assert seen.endswith("SUCCEEDED"), seen
     containers.await_healthy()
-    runs = [run for run in containers.runs("training") if param(run, "seed") == str(seed)]
+    runs = [run for run in containers.runs("training") if params(run).get("seed") == str(seed)]
     names = [run["info"]["run_name"] for run in runs]
     missing = len(MODELS - {name.split(" seed")[0] for name in names})
     doubled = len(names) - len(set(names))
@@ -216,15 +217,5 @@ def note_whole(containers, seed, faults, fault, seen, began):
     assert (missing, doubled) == (0, 0), names
     for run in runs:
         assert run["info"]["status"] == "FINISHED"
-        assert {metric["key"] for metric in run["data"]["metrics"]} >= {"best.loss", "train.loss"}
+        assert set(metrics(run)) >= {"best.loss", "train.loss"}
         assert containers.files(run["info"]["run_id"]), "no files"
-
-
-def param(run, key):
-    """The value of a run's parameter."""
-    return {each["key"]: each["value"] for each in run["data"].get("params", [])}.get(key)
-
-
-def tag(run, key):
-    """The value of a run's tag."""
-    return {each["key"]: each["value"] for each in run["data"].get("tags", [])}.get(key)

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.docker.conftest import MODELS, SOLUTIONS, command
+from tests.docker.recorded_runs import metrics, tags
 
 pytestmark = [pytest.mark.slow, pytest.mark.cluster]
 
@@ -97,12 +98,6 @@ def test_mlflow_shows_what_the_cluster_made(containers, trained, page, screensho
     page.locator("img[src^='blob:'], .image-outer-container img, canvas").first.wait_for()
     screenshot("mlflow-files")
     assert {run["info"]["run_name"].split(" seed")[0] for run in trained} >= MODELS
-    generations = containers.runs("generation")
-    (generation,) = [run for run in generations if tags(run)["home"] == "/data/reference"]
-    metrics = {each["key"]: each["value"] for each in generation["data"]["metrics"]}
-    assert metrics["committed"] == SOLUTIONS
-
-
-def tags(run):
-    """The tags of a run."""
-    return {each["key"]: each["value"] for each in run["data"].get("tags", [])}
+    made = containers.runs("generation")
+    (generation,) = [run for run in made if tags(run).get("home") == "/data/reference"]
+    assert metrics(generation)["committed"] == SOLUTIONS
